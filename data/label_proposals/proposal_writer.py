@@ -62,7 +62,8 @@ class ProposalWriter(Restorable, ResultWriter):
         for frame in self._progress(frames.tolist()):
             self._count_returns(found, frame)
         proposals = to_proposals(found)
-        ProposalFile(proposals, self._poses).write(self._out)
+        names = {frame: self._drive.frame_names[frame] for frame in self._poses}
+        ProposalFile(proposals, self._poses, names).write(self._out)
         write_review_page(self._out, self._drive.name, proposals, self._previews(proposals))
 
     def _count_returns(self, found: Sequence[ObservedObject], frame: int) -> None:

@@ -206,10 +206,12 @@ class ProposalFile:
     Attributes:
         proposals: Proposals.
         poses: (4, 4) pose of the LiDAR in each frame that was read.
+        names: Name of each of these frames.
     """
 
     proposals: Sequence[Proposal]
     poses: Mapping[int, Float64]
+    names: Mapping[int, str] = field(default_factory=dict)
 
     def write(self, folder: Path) -> None:
         """Write the file into a folder."""
@@ -223,7 +225,9 @@ class ProposalFile:
             for one in self.proposals
         ]  # fmt: skip
         poses = {str(frame): pose[:3].ravel() for frame, pose in self.poses.items()}
-        write_json(folder / FILE_NAME, {"format": _FORMAT, "poses": poses, "objects": objects})
+        names = {str(frame): name for frame, name in self.names.items()}
+        document = {"format": _FORMAT, "poses": poses, "names": names, "objects": objects}
+        write_json(folder / FILE_NAME, document)
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -239,7 +243,8 @@ class ProposalFile:
                 int(frame): np.vstack([np.reshape(pose, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
                 for frame, pose in document["poses"].items()
             }
-            return cls([_proposal_of(one) for one in document["objects"]], poses)
+            names = {int(frame): str(name) for frame, name in document.get("names", {}).items()}
+            return cls([_proposal_of(one) for one in document["objects"]], poses, names)
         except (KeyError, TypeError, ValueError) as error:
             found = f"other entries ({error!r})"
             raise LabelError(path, expected="proposals", found=found, advice=advice) from error

@@ -14,9 +14,10 @@ from data.recorded_drive import RecordedDrive
 from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
-from perception.types import Boxes3D
+from perception.types import Boxes3D, Labels
 
 REVIEW_FORMAT = "trifuse review 1"
+FILE_NAME = "review.json"
 DECISIONS = ("accept", "reject")
 
 
@@ -89,16 +90,20 @@ def labelled_frames(
         file: Proposals with their poses.
         labels: Those that are labels.
     """
+    around = labels_by_frame(file, labels).items()
+    return [labelled_frame(drive, frame, one, file.poses[frame]) for frame, one in around]
+
+
+def labels_by_frame(file: ProposalFile, labels: Sequence[Proposal]) -> dict[int, Labels]:
+    """Return the labels of every frame that was read, in the LiDAR frame; arguments as of `labelled_frames`."""
     rows: dict[int, list[tuple[Proposal, int]]] = {frame: [] for frame in file.poses}
     for one in labels:
         for row, frame in enumerate(one.frames.tolist()):
             rows[frame].append((one, row))
-    result = []
+    result = {}
     for frame, ones in rows.items():
-        pose = file.poses[frame]
         boxes_world = Boxes3D.concatenate(one.boxes_world[row : row + 1] for one, row in ones)
-        boxes_velo = transform_boxes(inverse(pose), boxes_world)
+        boxes_velo = transform_boxes(inverse(file.poses[frame]), boxes_world)
         numbers = np.array([one.number for one, _ in ones], np.int64)
-        around = labels_of_boxes(boxes_velo, [one.kind for one, _ in ones], numbers)
-        result.append(labelled_frame(drive, frame, around, pose))
+        result[frame] = labels_of_boxes(boxes_velo, [one.kind for one, _ in ones], numbers)
     return result

@@ -1,12 +1,13 @@
 """Scans of drives on disk as maps from above, in batches, for Lightning."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from data.array_store import ArrayStore
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.samples.bev.config import BevDataConfig
 from data.samples.bev.dataset import BevConfig, BevDataset, collate
 from data.samples.bev.labelled_scans import LabelledScans
@@ -36,6 +37,7 @@ class BevDataModule(SampleDataModule[LabelledScans, BevDataset]):
         *,
         split: Path | None = None,
         bev: BevConfig = _BEV,
+        proposals: dict[str, Path] | None = None,
         seed: int = 0,
         **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
     ) -> None:
@@ -46,15 +48,19 @@ class BevDataModule(SampleDataModule[LabelledScans, BevDataset]):
             validation: Labelled drives for validation; else a fraction of the frames is kept back.
             split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
             bev: Input and classes of the network.
+            proposals: Folders of `trifuse label` by the name of a drive, whose proposals are learned in place of its labels:
+                {"0000": "my_labels"}.
             seed: Seed of split, order and augmentation.
             config: Fields of `BevDataConfig`.
         """
         sources = TrainingDrives(tuple(drives), tuple(validation), split)
         super().__init__(sources, BevDataConfig(**config), seed)
         self.bev = bev
+        read = {name: ProposedLabels(folder) for name, folder in (proposals or {}).items()}
+        self._proposals: Mapping[str, ProposedLabels] = read
 
     def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledScans:
-        return LabelledScans(drives, self.bev.grid, store)
+        return LabelledScans(drives, self.bev.grid, store, self._proposals)
 
     def _fill_cache(self, frames: LabelledScans) -> None:
         for number in self.progress(range(len(frames))):

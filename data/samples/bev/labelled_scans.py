@@ -1,10 +1,11 @@
 """Labelled scans with heights above the ground, and their labels all around or in the camera's view."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from data.derived.motion_labels import LabelledAround, require_located
 from data.frame_fingerprint import code_fingerprint
 from data.kitti.labels import empty_labels, read_object_labels, read_tracking_labels
 from data.kitti.objects import ObjectFrames
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.labelled_objects import box_owners
 from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
@@ -35,6 +37,7 @@ from perception.types import (
     Labels,
 )
 
+_NONE: Mapping[str, ProposedLabels] = MappingProxyType({})
 _ALL_AROUND, _NOWHERE = (0.0, np.pi), (0.0, -1.0)
 
 
@@ -73,16 +76,23 @@ class LabelledScan:
 class LabelledScans(CachedFrames):
     """Scans of some drives; the heights above the ground and the labels of each are cached."""
 
-    def __init__(self, drives: Sequence[Drive], grid: BevGrid, store: ArrayStore) -> None:
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        grid: BevGrid,
+        store: ArrayStore,
+        proposals: Mapping[str, ProposedLabels] = _NONE,
+    ) -> None:
         """Number the scans.
 
         Args:
             drives: Drives with labels.
             grid: Cells of the map.
             store: Cache of heights and labels.
+            proposals: Proposed labels by the name of a drive, in place of its own.
         """
         super().__init__(drives, store)
-        self.grid = grid
+        self.grid, self.proposals = grid, proposals
         code = code_fingerprint(perception.obstacles, bev_map, Path(__file__))
         self._settings = {"reach_m": grid.reach_m, "code": code}
 
@@ -110,7 +120,7 @@ class LabelledScans(CachedFrames):
 
     def keys(self, number: int) -> list[str]:
         """Return the key of the arrays of a frame."""
-        return [self._key(number, "bev", self._settings)]
+        return [self._key(number, "bev", self._settings_of(number))]
 
     def make(self, number: int) -> None:
         """Make the arrays of a frame where they are not cached.
@@ -123,13 +133,23 @@ class LabelledScans(CachedFrames):
     def _arrays(self, number: int) -> Arrays:
         drive, index = self.place(number)
         return self.cached(
-            number, "bev", self._settings, lambda frame: self._compute(drive, index, frame)
+            number,
+            "bev",
+            self._settings_of(number),
+            lambda frame: self._compute(drive, index, frame),
         )
+
+    def _settings_of(self, number: int) -> dict[str, Any]:
+        proposed = self.proposals.get(self.place(number)[0].name)
+        return self._settings | ({"labels": proposed.fingerprint} if proposed else {})
 
     def _compute(self, drive: Drive, index: int, frame: Frame) -> Arrays:
         points_velo = frame.points_velo
         ground = _mapper(_Sensor(drive.sensor), self.grid).ground(points_velo)
-        labels, view_rad = _labels_around(drive, index, frame.calibration)
+        if (proposed := self.proposals.get(drive.name)) is not None:
+            labels, view_rad = _or_nowhere(proposed.at(frame.name))
+        else:
+            labels, view_rad = _labels_around(drive, index, frame.calibration)
         boxes = labels.boxes_velo
         owners = box_owners(boxes, points_velo)
         bottoms_m = boxes.bottom_m.copy()
@@ -169,8 +189,7 @@ def _labels_around(
 ) -> tuple[Labels, tuple[float, float]]:
     """Return the labels of a frame, and the directions in which everything is labelled."""
     if isinstance(drive, LabelledAround):
-        around = drive.labels_around(index)
-        return (empty_labels(), _NOWHERE) if around is None else (around, _ALL_AROUND)
+        return _or_nowhere(drive.labels_around(index))
     if isinstance(drive, ObjectFrames) and calibration is not None:
         truth = drive.root / "truth_labels" / f"{drive.scans.paths[index].stem}.txt"
         if truth.is_file():
@@ -188,6 +207,10 @@ def _labels_around(
     in_view = drive.labels(index)
     require_located(in_view, drive.root)
     return in_view, _view_of(calibration)
+
+
+def _or_nowhere(around: Labels | None) -> tuple[Labels, tuple[float, float]]:
+    return (empty_labels(), _NOWHERE) if around is None else (around, _ALL_AROUND)
 
 
 def _view_of(calibration: Calibration) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from data.label_proposals.proposals import (
     observed_objects,
     to_proposals,
 )
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.label_proposals.review import Decision, read_review, reviewed
 from data.label_proposals.review_page import preview
 from perception.errors import LabelError
@@ -142,8 +143,9 @@ def test_decisions_come_before_the_confidence(tmp_path):
 def test_the_file_of_proposals_is_read_as_it_was_written(tmp_path):
     poses = {0: np.eye(4), 1: np.eye(4)}
     poses[1][0, 3] = 2.5
-    ProposalFile([proposal(1, 0.75)], poses).write(tmp_path)
+    ProposalFile([proposal(1, 0.75)], poses, {0: "a", 1: "b"}).write(tmp_path)
     read = ProposalFile.read(tmp_path)
+    assert read.names == {0: "a", 1: "b"}
     [one], first = read.proposals, proposal(1, 0.75)
     assert (one.kind, one.confidence, one.reasons) == ("Car", 0.75, ("few returns",))
     np.testing.assert_array_equal(one.boxes_world.size_m, first.boxes_world.size_m)
@@ -151,6 +153,27 @@ def test_the_file_of_proposals_is_read_as_it_was_written(tmp_path):
     (tmp_path / "proposals.json").write_text('{"format": "trifuse proposals 1", "poses": {}}')
     with fault(LabelError, "proposals.json", "proposals", "'objects'", "trifuse label"):
         ProposalFile.read(tmp_path)
+
+
+def test_unsure_proposals_are_learned_neither_as_objects_nor_as_background(tmp_path):
+    proposals = [proposal(1, 0.9), proposal(2, 0.2), proposal(3, 0.9), proposal(4, 0.2)]
+    poses = {0: np.eye(4), 1: np.eye(4)}
+    poses[1][0, 3] = 2.5
+    ProposalFile(proposals, poses, {0: "a", 1: "b"}).write(tmp_path)
+    first = ProposedLabels(tmp_path)
+    labels = first.at("b")
+    assert labels.types.tolist() == ["Car", "Car", "DontCare", "DontCare"]
+    assert labels.boxes_velo.bottom_m[0].tolist() == [-2.5, 0, 0]
+    assert first.at("c") is None
+    review = '{"format": "trifuse review 1", "objects": {"1": {"decision": "reject"}, "2": {"decision": "accept", "type": "Van"}}}'
+    (tmp_path / "review.json").write_text(review)
+    second = ProposedLabels(tmp_path)
+    # What is rejected is background.
+    assert second.at("a").types.tolist() == ["Van", "Car", "DontCare"]
+    assert second.fingerprint != first.fingerprint
+    ProposalFile(proposals, poses).write(tmp_path)
+    with fault(LabelError, "proposals.json", "names of frames", "none", "trifuse label"):
+        ProposedLabels(tmp_path)
 
 
 def test_a_preview_shows_a_box_from_above_and_in_the_image():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
+from data.label_proposals.proposals import Proposal, ProposalFile
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.open_drive import open_drive
 from data.samples.bev.config import BevAugmentationConfig
 from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, jitter, stretch
@@ -86,6 +88,29 @@ def test_labels_of_a_camera_are_those_of_its_directions(drives, scans, tmp_path,
     # 1242 pixels at a focal length of 721.5 pixels.
     assert in_view.view_rad == pytest.approx([0, np.arctan(621 / 721.5)], abs=0.02)
     assert 0 < len(in_view) < len(scans.labels(1))
+
+
+def test_proposals_are_learned_in_place_of_the_labels_of_a_drive(drives, scans, tmp_path):
+    drive = drives[0]
+    box = Boxes3D(np.array([[5.0, 1, -1.6]] * 2), np.array([[4.0, 2, 1.5]] * 2), np.zeros(2))
+    sure, unsure = (
+        Proposal(number, "Car", confidence, True, np.zeros(1, int), box[:1], np.ones(1), 0)
+        for number, confidence in ((1, 0.9), (2, 0.2))
+    )
+    names = {0: drive.frame_names[0]}
+    ProposalFile([sure, unsure], {0: np.eye(4)}, names).write(tmp_path)
+    proposed = LabelledScans(drives, GRID, scans.store, {drive.name: ProposedLabels(tmp_path)})
+    labels = proposed.labels(0)
+    assert labels.types.tolist() == ["Car", "DontCare"]
+    assert labels.view_rad == pytest.approx([0, np.pi])
+    targets = BevDataset(proposed, np.array([0]), BevConfig(GRID)).targets(0)
+    assert targets["is_ignored"].tolist()[1]
+    assert proposed.keys(0) != scans.keys(0)
+    assert np.array_equal(proposed.labels(1).boxes, scans.labels(1).boxes)
+    # Of a frame without proposals nothing is learned.
+    ProposalFile([], {0: np.eye(4)}, {0: "another"}).write(tmp_path)
+    other = LabelledScans(drives, GRID, scans.store, {drive.name: ProposedLabels(tmp_path)})
+    assert other.labels(0).view_rad[1] < 0
 
 
 def test_a_sample_is_the_map_with_its_targets(dataset):
