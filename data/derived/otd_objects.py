@@ -15,13 +15,16 @@ from data.pipeline_results import FrameProgress, no_progress
 from data.recorded_drive import RecordedDrive
 from data.synthetic.truth_files import truth_files
 from perception.errors import DriveError, UsageError
+from perception.evaluation.single_object.measure import SingleObjectMeasure, SingleObjectReport
 from perception.evaluation.single_object.track import ObjectSequence, TargetObject
 from perception.evaluation.single_object.tracker_runs import (
     TrackerMakers,
     TrackerRun,
+    named_trackers,
     track_objects,
 )
 from perception.pipeline import PipelineConfig
+from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.types import Drive, OnBadFrame
 
 _READING, _PIPELINE = OpenConfig(), PipelineConfig.for_motion("none")
@@ -299,3 +302,30 @@ def run_trackers(
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     bar = progress(frames, drive.name, frame_count(drive, limit))
     return track_objects(bar, drive.sensor, targets, makers, pipeline)
+
+
+def measure_trackers(
+    found: AvailableObjects,
+    names: Sequence[str],
+    tracker: SingleObjectTrackerConfig,
+    pipeline: PipelineConfig,
+    on_bad_frame: OnBadFrame,
+    progress: FrameProgress,
+) -> SingleObjectReport:
+    """Return the metrics of trackers on all objects.
+
+    Args:
+        found: Objects.
+        names: Names of the trackers.
+        tracker: Their configuration.
+        pipeline: Configuration of the pipeline up to the ground.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+        progress: Progress bar over the frames.
+    """
+    measure = SingleObjectMeasure(names)
+    for one in found.drives:
+        makers = named_trackers(names, one.drive.sensor, tracker)
+        runs = run_trackers(one.drive, one.objects, makers, pipeline, on_bad_frame, progress)
+        for target, by_name in zip(one.objects, runs, strict=True):
+            measure.update(target, by_name, one.drive.calibration)
+    return measure.compute()

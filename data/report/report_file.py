@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from data.report.page import Page
+from data.report.page import Page, can_write_report
 from data.results.folder import DRIVES
 from data.results.run_folder import FRAMES
 from perception.atomic_file import write_atomically
@@ -66,6 +66,31 @@ def write_report(
     from data.report.document_report import document_page, read_document
 
     return write_page(document_page(read_document(results)), out or page_beside(results))
+
+
+def write_documents(
+    document: object, json: Path | None, html: Path | None, *, has_page: bool
+) -> Path | None:
+    """Write a document as JSON and as a page; return the path of the page, None without one.
+
+    Args:
+        document: Document.
+        json: JSON file, or None.
+        html: HTML file; None for one beside the JSON file.
+        has_page: Whether a page is written beside the JSON file, where plotly is installed.
+
+    Raises:
+        WriteError: A file cannot be written.
+    """
+    from data.report.document_report import document_page
+    from data.results.documents import to_serializable, write_json
+
+    page = html
+    if json is not None:
+        write_json(json, document)
+        if page is None and has_page and can_write_report():
+            page = page_beside(json)
+    return None if page is None else write_page(document_page(to_serializable(document)), page)
 
 
 def page_beside(document: Path) -> Path:

@@ -49,36 +49,25 @@ def adopt(
         body_to_lidar: Transform from the body of the poses (IMU, camera) to the LiDAR in the same forms; none where
             poses are of the LiDAR.
     """
-    from data.folder.adoption import (
-        StatedConfig,
-        ask,
-        observe,
-        open_questions,
-        other_layout_of,
-        write_description,
-    )
+    from data.folder import adoption
     from data.folder.description import observation_table
     from data.folder.stated_cameras import split_cameras
     from data.layouts import OpenConfig
 
-    if (layout := other_layout_of(folder)) is not None:
+    if (layout := adoption.other_layout_of(folder)) is not None:
         print(f"{folder}: {layout}, which needs no drive.yaml")
         return
-    folder, observed = observe(folder, OpenConfig(sensor=sensor, lidar=lidar, columns=columns))
-    stated = StatedConfig(
-        sensor,
-        height,
-        axes,
-        rate,
-        reflectance_scale,
-        viewpoint,
-        split_cameras(intrinsics, distortion, lidar_to_camera, is_fisheye=fisheye),
-        body_to_lidar,
+    folder, observed = adoption.observe(
+        folder, OpenConfig(sensor=sensor, lidar=lidar, columns=columns)
+    )
+    cameras = split_cameras(intrinsics, distortion, lidar_to_camera, is_fisheye=fisheye)
+    stated = adoption.StatedConfig(
+        sensor, height, axes, rate, reflectance_scale, viewpoint, cameras, body_to_lidar
     )
     print(observation_table(observed.observations))
     if sys.stdin.isatty():
-        stated = ask(open_questions(observed, stated), stated, input)
-    path, left = write_description(folder, observed, stated, overwrite=overwrite)
+        stated = adoption.ask(adoption.open_questions(observed, stated), stated, input)
+    path, left = adoption.write_description(folder, observed, stated, overwrite=overwrite)
     print(f"\nwrote {path}")
     if left:
         print(f"could not be seen, and is a question in that file: {', '.join(map(str, left))}")

@@ -77,11 +77,9 @@ def run_batch(
 
     flags, of_command = parse_batch(own, command, function, words)
     out = shared_folder(flags["out"])
+    can_replace, prog = "overwrite" in flag_types(function), f"trifuse {command}"
     batched = BatchedCommand(
-        command,
-        tuple(of_command),
-        "overwrite" in flag_types(function),
-        lambda line: parse(f"trifuse {command}", function, line),
+        command, tuple(of_command), can_replace, lambda line: parse(prog, function, line)
     )
     if own is batch_synth:
         tasks = synth_tasks(batched, out)

@@ -25,11 +25,7 @@ def calibrate(
         root: Folder or file of a drive with a camera, in any layout.
         frames: Number of frames, spread evenly over the drive.
     """
-    from data.calibration_files import (
-        read_calibrated_frames,
-        recalibration_table,
-        write_calibration,
-    )
+    from data import calibration_files as files
     from data.open_drive import open_drive
     from data.results.documents import write_json
     from perception.calibration.recalibration import recalibrate
@@ -39,15 +35,14 @@ def calibrate(
     require_positive("--frames", frames)
     drive = open_drive(root, sequence=source.sequence, config=source.reading)
     chosen = results.folder(config)
-    read = read_calibrated_frames(drive, frames, frame_progress_bar(drive.name, delay_s=0))
+    read = files.read_calibrated_frames(drive, frames, frame_progress_bar(drive.name, delay_s=0))
     stated = read.calibration
     found = recalibrate(read.edges, drive.sensor, stated.source, read.tracks)
     folder = chosen.prepare()
-    path, own = write_calibration(folder, drive, stated, found.cam_SE3_velo)
+    path, own = files.write_calibration(folder, drive, stated, found.cam_SE3_velo)
     write_json(folder / "calibration.json", found)
-    plot_recalibration(
-        folder / "calibration.png", drive.name, read.image, read.example, stated, found
-    )
-    print(recalibration_table(drive.name, found, read.left_out).text())
+    figure = folder / "calibration.png"
+    plot_recalibration(figure, drive.name, read.image, read.example, stated, found)
+    print(files.recalibration_table(drive.name, found, read.left_out).text())
     print(f"\ncalibration: {path}" + (f", to be copied to {own}" if own else ""))
-    print(f"figure: {folder / 'calibration.png'}")
+    print(f"figure: {figure}")

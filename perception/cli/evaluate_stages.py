@@ -15,6 +15,7 @@ from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol, ObstacleProtocol
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
+from perception.types import Drive
 
 Method = Literal["default", "thesis", "author"]
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
@@ -45,20 +46,18 @@ def evaluate_ground(
         set: Set of sequences: table-3.1, the 8 of the thesis, as far as ROOT holds them; one drive by default.
         pipeline: Pipeline configuration.
     """
-    from perception.evaluation.ground import PROTOCOL, GroundMeasure, GroundSetReport
+    from perception.evaluation import ground
 
     reader = drive.reader()
+
+    def evaluate(labelled: Drive) -> tuple[EvaluatedDrive, ground.GroundReport]:
+        area = pipeline.area_of(labelled.sensor)
+        return reader.evaluate(labelled, pipeline, ground.GroundMeasure(labelled.sensor, area))
+
     data, metrics = reader.evaluate_set(
-        root,
-        set,
-        lambda labelled: reader.evaluate(
-            labelled,
-            pipeline,
-            GroundMeasure(labelled.sensor, pipeline.area_of(labelled.sensor)),
-        ),
-        lambda reports: GroundSetReport(reports, PRINTED_MDE_M),
+        root, set, evaluate, lambda reports: ground.GroundSetReport(reports, PRINTED_MDE_M)
     )
-    document = EvaluationDocument("ground", data, PROTOCOL)
+    document = EvaluationDocument("ground", data, ground.PROTOCOL)
     report.publish(f"{data}, method {pipeline.method}", metrics, document, config)
 
 
@@ -233,22 +232,16 @@ def evaluate_otd(
         tracker: Configuration of the trackers (Table 7.5).
         pipeline: Configuration of the pipeline up to the ground.
     """
-    from data.derived.otd_objects import ObjectSetConfig, find_objects, run_trackers
+    from data.derived.otd_objects import ObjectSetConfig, find_objects, measure_trackers
     from perception.cli.progress import progress_bar
     from perception.evaluation.single_object import tracker_runs
-    from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
+    from perception.evaluation.single_object.measure import PROTOCOL
     from perception.evaluation.single_object.plots import write_plots
 
     names = tracker_runs.require_trackers(trackers)
     set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.reading)
-    found, measure = find_objects(set_config), SingleObjectMeasure(names)
-    for one in found.drives:
-        makers = tracker_runs.named_trackers(names, one.drive.sensor, tracker)
-        skips = drive.on_bad_frame
-        runs = run_trackers(one.drive, one.objects, makers, pipeline, skips, progress_bar)
-        for target, by_name in zip(one.objects, runs, strict=True):
-            measure.update(target, by_name, one.drive.calibration)
-    metrics = measure.compute()
+    found = find_objects(set_config)
+    metrics = measure_trackers(found, names, tracker, pipeline, drive.on_bad_frame, progress_bar)
     document = EvaluationDocument("otd", {"config": set_config, **found.to_json()}, PROTOCOL)
     heading = found.heading(root, set, len(metrics.objects))
     if "h-fus" in names:

@@ -182,23 +182,12 @@ class ReportFlags(FlagGroup):
             self.write({**stated, "tables": printed, "results": report.to_json()})
 
     def write(self, document: object) -> None:
-        """Write a document into the files that are asked for.
+        """Write a document into the files that are asked for; raise WriteError where one cannot be written."""
+        from data.report.report_file import write_documents
 
-        Raises:
-            WriteError: A file cannot be written.
-        """
-        from data.report.document_report import document_page
-        from data.report.page import can_write_report
-        from data.report.report_file import page_beside, write_page
-        from data.results.documents import to_serializable, write_json
-
-        page = self.html
-        if self.json is not None:
-            write_json(self.json, document)
-            if page is None and self.report and can_write_report():
-                page = page_beside(self.json)
+        page = write_documents(document, self.json, self.html, has_page=self.report)
         if page is not None:
-            print(f"report: {write_page(document_page(to_serializable(document)), page)}")
+            print(f"report: {page}")
 
 
 def require_positive(flag: str, count: int | None) -> None:

@@ -99,16 +99,9 @@ def run(
     opened = open_drive(drive, sequence=frames.sequence, config=frames.reading, images=images)
     print(detectors_note(pipeline.detection, opened.sensor, pipeline.method))
     run_config = RunConfig(
-        frames=frames.frames,
-        video=video,
-        video_views=video_views,
-        pipeline=pipeline,
-        track=track,
-        tracker=tracker,
-        tracker_config=tracker_config,
-        min_vehicle_score=min_vehicle_score,
-        exports=exports,
-    )
+        frames.frames, video, video_views, pipeline=pipeline, track=track, tracker=tracker,
+        tracker_config=tracker_config, min_vehicle_score=min_vehicle_score, exports=exports,
+    )  # fmt: skip
     place, bar = results.place(config), frame_progress_bar("report")
     compile_functions()
     every, skips = results.checkpoint_frames, frames.on_bad_frame

@@ -60,13 +60,9 @@ def shards(
     )
     folder = RemoteFolder(out)
     source = ShardSource(select_part(open_drives(roots), split, "train"), config, on_bad_frame)
+    processes = usable_cores() if workers is None else workers
     made = write_shards(
-        source,
-        folder,
-        samples=samples,
-        seed=seed,
-        workers=usable_cores() if workers is None else workers,
-        overwrite=overwrite,
+        source, folder, samples=samples, seed=seed, workers=processes, overwrite=overwrite,
         progress=frame_progress_bar("samples"),
-    )
+    )  # fmt: skip
     print(f"{made.samples} samples in {len(made.shards)} shards: {folder.url}")

@@ -55,18 +55,9 @@ def synth(
     from perception.sensor import load_sensor
 
     synth_config = SynthConfig(
-        layout=layout,
-        frames=frames,
-        drives=drives,
-        sensor=load_sensor(sensor),
-        seed=seed,
-        noise=InsNoise(ins_noise_m, ins_noise_deg),
-        images=images,
-        ego_m_s=speed,
-        street=street,
-        is_night=night,
-        cameras=cameras,
-    )
+        layout, frames, drives, load_sensor(sensor), seed, InsNoise(ins_noise_m, ins_noise_deg),
+        images, street=street, ego_m_s=speed, is_night=night, cameras=cameras,
+    )  # fmt: skip
     chosen = synth_config.named_part(part)
     if part is None:  # parts share the folder
         ResultsFolder.choose(out, config, overwrite=overwrite).prepare()

@@ -115,13 +115,11 @@ def help_text(name: str, *, everything: bool = False) -> str:
 
         return TrainingCLI(kind).parser.format_help().rstrip()
     types = dict(nested_types(get_type_hints(EverydayFlags)))
+    usage = f"{prog} [fit|validate|test] DRIVES ... [flags]"
     parser = ArgumentParser(
-        prog=prog,
-        usage=f"{prog} [fit|validate|test] DRIVES ... [flags]",
-        description=training.description,
+        prog=prog, usage=usage, description=training.description,
         epilog=f"{_GROUPS}\n\nExample: {training.example}",
-        formatter_class=help_formatter(types, ("drives",), ""),
-        add_help=False,
-    )
+        formatter_class=help_formatter(types, ("drives",), ""), add_help=False,
+    )  # fmt: skip
     parser.add_class_arguments(EverydayFlags)
     return parser.format_help().rstrip()

@@ -57,8 +57,7 @@ def train_proposals(
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt("go on with the same command") from error
     print(f"{summary(found, counts[0])}\n\n{best_table(counts, iou).text()}\n", flush=True)
-    recalls = measure_recall(
-        config, compared_settings(counts[0].parameters, method), order, processes
-    )
+    compared = compared_settings(counts[0].parameters, method)
+    recalls = measure_recall(config, compared, order, processes)
     print(recall_table(recalls).text(), "", sep="\n")
     print(*write_report(out, config, counts, recalls, order), sep="\n")
