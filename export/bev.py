@@ -22,9 +22,10 @@ from perception.detection.bev.bev_map import BLOCK, CHANNELS
 from perception.detection.bev.detector import BevDetector
 from perception.errors import UsageError
 from perception.sensor import HDL_64E, LidarModel
-from train.bev.metrics import FoundCenters, measure
+from perception.types import Progress
+from train.bev.metrics import CenterPrecision, FoundCenters, measure
 from train.bev.networks import BevNetworkConfig, load_bev
-from train.networks.bev_centers import of_whole_numbers
+from train.networks.bev_centers import BevCenters, of_whole_numbers
 
 # Unlike those of images the first layers have channels enough for kernels of 8 bits; maps are full of the largest number.
 QUANTIZATION = replace(OF_IMAGES, layers=(*OF_IMAGES.layers, "Gemm"), first=False, reduce_range=True)  # fmt: skip
@@ -91,7 +92,11 @@ def exportable_bev(checkpoint: Path) -> Exportable:
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    network, metadata = load_bev(checkpoint)
+    return exportable_network(*load_bev(checkpoint))
+
+
+def exportable_network(network: BevCenters, metadata: Mapping[str, str]) -> Exportable:
+    """Return a network with the metadata of its model file."""
     side = BevNetworkConfig.from_metadata(metadata).grid.side // BLOCK
     shape = (2, side, side, BLOCK**2, CHANNELS)
     example = random_maps(shape, np.random.default_rng(0))["maps"]
@@ -125,18 +130,32 @@ def _measure_variants(
     scans = LabelledScans([drive], stated.grid, ArrayStore(cache))
     numbers = [frame.index for frame in config.read("precision")]
     samples = BevDataset(scans, np.array(numbers), BevConfig(stated.grid, stated.class_names))
+    return {
+        name: {of_class: {"ap": 100 * one.ap} for of_class, one in found.items() if one.labels}
+        for name, found in measure_networks(networks, samples, detector).items()
+    }
+
+
+def measure_networks(
+    networks: Mapping[str, Network],
+    samples: BevDataset,
+    detector: BevDetector,
+    progress: Progress = iter,
+) -> dict[str, dict[str, CenterPrecision]]:
+    """Return the precision of networks of the same input by their name and class.
+
+    Args:
+        networks: Networks.
+        samples: Maps and labels.
+        detector: What makes boxes of the outputs.
+        progress: Wrapper of the loop over samples.
+    """
     found = {name: FoundCenters() for name in networks}
-    for row in range(len(samples)):
+    for row in progress(range(len(samples))):
         sample = samples[row]
         for name, network in networks.items():
             outputs = network({"maps": sample["maps"].numpy()[None]})
             found[name].update([detector.postprocess(outputs)], sample["numbers"][None], 0)
     targets = [samples.targets(row) for row in range(len(samples))]
-    return {
-        name: {
-            of_class: {"ap": 100 * one.ap}
-            for of_class, one in measure(targets, rows.compute(), stated.class_names).items()
-            if one.labels
-        }
-        for name, rows in found.items()
-    }
+    names = samples.config.class_names
+    return {name: measure(targets, rows.compute(), names) for name, rows in found.items()}

@@ -111,6 +111,7 @@ def silence_lightning() -> None:
         logging.getLogger(name).setLevel(logging.WARNING)
     for about in (
         ".*does not have many workers.*",
+        ".*in eval mode at the start of training.*",
         ".*Checkpoint directory.*exists.*",
         ".*smaller than the logging interval.*",
         ".*GPU available but not used.*",

@@ -65,6 +65,36 @@ def require_shares(shares: Sequence[float]) -> None:
         )
 
 
+def split_in_time(
+    drives: Sequence[RecordedDrive], kept: float, gap_s: float
+) -> tuple[DriveParts, ...]:
+    """Return the first frames of each drive as part train, and its last ones as part val.
+
+    Args:
+        drives: Drives.
+        kept: Share of the frames that is of part val, 0 to 1.
+        gap_s: Time before them in seconds of which the frames are of no part, as neighbouring ones are nearly equal.
+
+    Raises:
+        UsageError: A part of a drive has no frame.
+    """
+    parts = []
+    for drive in drives:
+        first = len(drive) - round(kept * len(drive))
+        stamps_s = np.array([drive.stamp_s(index) for index in range(len(drive))])
+        is_val = np.arange(len(drive)) >= first
+        is_train = ~is_val & (stamps_s < stamps_s[is_val].min(initial=np.inf) - gap_s)
+        if not (is_train.any() and is_val.any()):
+            raise UsageError(
+                f"{kept:g} of {drive.name} kept apart",
+                expected=f"frames before and after a gap of {gap_s:g} s",
+                found=f"{len(drive)} frames of {np.ptp(stamps_s):.1f} s",
+                advice="take a longer drive",
+            )
+        parts.append(_drive_parts(drive, {"train": is_train, "val": is_val}))
+    return tuple(parts)
+
+
 def _counts(units: int, shares: Sequence[float], by: SplitBy) -> list[int]:
     others = [round(share / 100 * units) for share in shares[1:]]
     counts = [units - sum(others), *others]

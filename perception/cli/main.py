@@ -18,7 +18,7 @@ from perception.cli.parser import (
     nested_types,
     parse,
     positional,
-)
+)  # fmt: skip
 from perception.errors import PerceptionError, UsageError
 from train.trainings import TRAININGS, EverydayFlags, training_of
 
@@ -150,6 +150,7 @@ SUMMARIES: Mapping[str, str] = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the pipeline on a drive; write results, a video and a summary",
     "label": "propose labels for a drive, with a page to review them",
+    "adapt": "train the detector from above further on your drives; keep it where it is better",
     "serve": "run the pipeline live, on a LiDAR or a drive; show results in Foxglove and similar viewers",
     "track": "track one object: trajectory, speed, box and a video",
     "detect": "detect vehicles by DepthCN; write KITTI result files",

@@ -1,0 +1,131 @@
+"""What an adaptation gives: precision before and after, whether it is used, and the files of the report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from data.results.documents import describe_machine, write_json
+from perception.atomic_file import write_atomically
+from perception.evaluation.report import Metric, Metrics, Table
+from perception.render.bar_plots import plot_groups
+from train.bev.metrics import CenterPrecision
+
+KEPT, MEAN = "kept apart", "mean"
+_MIN_LABELS = 50  # of a class whose precision is known to a few points
+
+
+@dataclass(frozen=True)
+class AdaptedPrecision(Metrics):
+    """Precision of a class in a set of scans, in percent, before and after.
+
+    Attributes:
+        labels: Number of labels that count.
+        ap_before: Average precision of centres within 2 m.
+        ap_after: The same after.
+        mean_before: Mean of those within 0.5, 1, 2 and 4 m.
+        mean_after: The same after.
+    """
+
+    labels: Annotated[int, Metric("labels")]
+    ap_before: Annotated[float, Metric("AP before [%]", ".1f")]
+    ap_after: Annotated[float, Metric("after", ".1f")]
+    mean_before: Annotated[float, Metric("mean AP before [%]", ".1f")]
+    mean_after: Annotated[float, Metric("after", ".1f")]
+
+    @property
+    def gain(self) -> Annotated[float, Metric("gain", "+.1f")]:
+        """Mean average precision that was gained, in points."""
+        return self.mean_after - self.mean_before
+
+    @classmethod
+    def of(cls, before: CenterPrecision, after: CenterPrecision) -> "AdaptedPrecision":
+        """Return the precision of a class."""
+        values = (100 * one for one in (before.ap, after.ap, before.mean_ap, after.mean_ap))
+        return cls(before.labels, *values)
+
+    @classmethod
+    def mean(cls, classes: Sequence["AdaptedPrecision"]) -> "AdaptedPrecision":
+        """Return the mean over the labels of the classes that have enough, or of all."""
+        used = [one for one in classes if one.labels >= _MIN_LABELS] or classes
+        counts = [one.labels for one in used]
+        names = ("ap_before", "ap_after", "mean_before", "mean_after")
+        values = [[getattr(one, name) for one in used] for name in names]
+        return cls(sum(counts), *np.average(values, axis=1, weights=counts).tolist())
+
+
+SetPrecision = Mapping[str, Mapping[str, AdaptedPrecision]]
+"""Precision by set of scans and class, the mean last."""
+
+
+@dataclass(frozen=True)
+class AdaptationReport:
+    """What an adaptation gives.
+
+    Attributes:
+        sets: Precision of the sets.
+        guards: Sets that may not lose.
+        max_lost: Points that they may.
+        share: Share of the way from the first weights to the trained ones.
+    """
+
+    sets: SetPrecision
+    guards: Sequence[str]
+    max_lost: float
+    share: float
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the adapted weights are to be used."""
+        return not self.reasons
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why they are not, in words."""
+        gains = {name: classes[MEAN].gain for name, classes in self.sets.items()}
+        found = [f"{KEPT} gains {gains[KEPT]:+.1f}"] if gains[KEPT] <= 0 else []
+        lost = [name for name in self.guards if gains[name] < -self.max_lost]
+        return found + [f"{name} loses {-gains[name]:.1f}" for name in lost]
+
+    @property
+    def table(self) -> Table[AdaptedPrecision]:
+        """Table of all sets."""
+        rows = {
+            f"{name}, {of_class}": one
+            for name, classes in self.sets.items()
+            for of_class, one in classes.items()
+        }
+        title = "precision from above before and after"
+        return Table(title, AdaptedPrecision.columns(), rows, "scans, class")
+
+    def write(self, out: Path, stated: Mapping[str, object]) -> str:
+        """Write adapt.json, adapt.md and adapt.png into a folder; return the result in words.
+
+        Args:
+            out: Folder.
+            stated: What the document states besides.
+        """
+        sets = {
+            name: {kind: one.to_json() for kind, one in classes.items()}
+            for name, classes in self.sets.items()
+        }
+        result = {"is_better": self.is_better, "reasons": self.reasons, "share": self.share}
+        machine = {"machine": describe_machine()}
+        write_json(out / "adapt.json", {**stated, **machine, **result, "sets": sets})
+        words = f"better, {self.share:.0%} of the way to the trained weights"
+        if not self.is_better:
+            words = f"not better, the weights stay as they are: {', '.join(self.reasons)}"
+        text = (
+            f"# Adaptation\n\n{words}\n\n```\n{self.table.text()}\n```\n\n![precision](adapt.png)\n"
+        )
+        write_atomically(out / "adapt.md", text.encode())
+        means = [classes[MEAN] for classes in self.sets.values()]
+        bars = {
+            "before": np.array([one.mean_before for one in means]),
+            "after": np.array([one.mean_after for one in means]),
+        }
+        names = [name.replace(", ", "\n") for name in self.sets]
+        plot_groups(out / "adapt.png", words, names, {"mean AP [%]": bars})
+        return words
