@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from data.array_store import ArrayStore
+from data.array_store import ArrayStore, entry_key
 from data.label_proposals.proposed_labels import ProposedLabels
 from data.open_drive import open_drive, open_drives
 from data.recorded_drive import RecordedDrive
@@ -50,7 +50,7 @@ _SENSORS = ("HDL-64E", "HDL-32E", "VLP-16")
 _SEEDS = {"learned": 73_000_000, "guard": 74_000_000}  # of streets that no shipped network has seen
 _GUARD_SHARE = 3  # synthetic scans that are learned for each that is measured
 # Times in those of a pass of the network: a frame to be labelled, a synthetic scan, a sample, and the rest.
-_LABEL, _SYNTHESIS, _SAMPLE, _REST = 12, 15, 2, 2500
+_LABEL, _SYNTHESIS, _SAMPLE, _REST = 27, 30, 4.5, 6000
 _SHARES = (1.0, 0.7, 0.4, 0.2)  # of the way from the first weights to the trained ones
 _CALIBRATION = 32  # scans
 _MEASURED_SCANS = 120  # of a set, evenly spread
@@ -155,7 +155,10 @@ class Adaptation:
         guard = self._synthetic("guard", max(config.scans // _GUARD_SHARE, 1), bars)
         guards = {SYNTHETIC: self._samples(guard)}
         guards |= {name: self._samples([one], proposals={}) for name, one in self._guards.items()}
-        split = FrameSplit((*self._parts, *(_all_of(drive) for drive in learned)))
+        # Drives are named as often as half of the samples are of them.
+        frames = sum(len(one.frames["train"]) for one in self._parts)
+        repeats = max(round(sum(map(len, learned)) / frames), 1)
+        split = FrameSplit((*repeats * self._parts, *(_all_of(drive) for drive in learned)))
         write_split(self._out / SPLIT, split)
         line = WeightLine(initial_weights(config), self._train(split, bars("scans")))
         share = self._allowed(line, guards, bars("choosing"))
@@ -184,7 +187,7 @@ class Adaptation:
         return _SHARES[-1]
 
     def _train(self, split: FrameSplit, progress: Progress) -> Path:
-        """Train, and return the checkpoint of the last epoch, the only one that is measured."""
+        """Train, and return the checkpoint of the last epoch."""
         config, metadata = self._config, self._network
         frames = sum(len(one.frames["train"]) for one in split.drives)
         epochs = max(round(config.samples / frames), 1)
@@ -193,12 +196,17 @@ class Adaptation:
             "data.batch_size": _BATCH, "data.augmentation.crop": _CROP,
             "model.weights": initial_weights(config), "model.classes": list(metadata.class_names),
             "model.reach_m": metadata.grid.reach_m, "model.cell_m": metadata.grid.cell_m,
-            "trainer.max_epochs": epochs, "trainer.check_val_every_n_epoch": epochs,
+            "trainer.max_epochs": epochs, "trainer.check_val_every_n_epoch": epochs, "trainer.limit_val_batches": 1,
             "ema.decay": _DECAY, "optimizer.lr": config.lr, "seed_everything": config.seed,
         }  # fmt: skip
-        folder = TrainingFolder(self._out / "training")
-        fit(BEV, arguments, folder.out, progress)
-        return folder.best
+        # Proposals that were reviewed since are learned from the start.
+        key = entry_key(labels=[one.fingerprint for one in self._proposals.values()])[:8]
+        folder = TrainingFolder(self._out / "training" / key)
+        try:
+            fit(BEV, arguments, folder.out, progress)
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt("repeat the command") from error
+        return folder.last
 
     def _kept(self, split: FrameSplit) -> dict[str, BevDataset]:
         """Return the scans that are kept apart: with what is learned as labels, and with a drive's own beside proposals."""
@@ -209,9 +217,9 @@ class Adaptation:
 
     def _measure(
         self, networks: Mapping[str, Network], sets: Mapping[str, BevDataset], progress: Progress
-    ) -> dict[str, SetPrecision]:
+    ) -> Mapping[str, SetPrecision]:
         """Return the precision of each of some networks beside the first weights, by set and class."""
-        both = {_BEFORE: self._detector.model, **networks}
+        both: dict[str, Network] = {_BEFORE: self._detector.model, **networks}
         result: dict[str, dict[str, Mapping[str, AdaptedPrecision]]] = {one: {} for one in networks}
         for of_set, samples in sets.items():
             found = measure_networks(both, samples, self._detector, progress)
@@ -242,9 +250,11 @@ class Adaptation:
         self, part: str, scans: int, bars: Callable[[str], Progress]
     ) -> list[RecordedDrive]:
         """Return synthetic scans of each sensor, which are made where they are missing."""
-        folders = {name: self._out / "synthetic" / f"{part}-{name}" for name in _SENSORS}
+        folders = {name: self._out / "synthetic" / f"{part}-{name}-{scans}" for name in _SENSORS}
         missing = [name for name, folder in folders.items() if not folder.exists()]
-        for name in bars(f"synthetic scans, {part}")(missing) if missing else ():
+        rows = range(len(missing))
+        for row in bars(f"synthetic scans, {part}")(rows) if missing else ():
+            name = missing[row]
             synth = SynthConfig(
                 "object", scans, sensor=load_sensor(name), images=False, seed=_SEEDS[part]
             )

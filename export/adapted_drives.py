@@ -34,14 +34,16 @@ class AdaptedDrive:
         """Whether there is what is learned."""
         return self.proposals is None or (self.proposals / FILE_NAME).exists()
 
-    def propose(self, label: Callable[[list[str]], None]) -> None:
+    def propose(self, label: Callable[[list[str]], None], weights: Path | None) -> None:
         """Propose labels where they are missing; a proposal that was stopped goes on.
 
         Args:
             label: Function that runs `trifuse label` with some words.
+            weights: Model file of the detector from above; None for that of this package.
         """
         if not self.is_labelled:
             words = [] if self.sequence is None else ["--sequence", self.sequence]
+            words += [] if weights is None else ["--pipeline.detection.bev-model", str(weights)]
             label([str(self.path), "--out", str(self.proposals), "--resume", *words])
 
 

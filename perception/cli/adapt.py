@@ -53,7 +53,7 @@ def adapt(
     opened = open_adapted(drives, sequence, learn, out)
     print(f"takes about {expected_minutes(opened, adaptation):.0f} minutes", flush=True)
     for one in opened:
-        one.propose(lambda words: call("trifuse label", label, words))
+        one.propose(lambda words: call("trifuse label", label, words), adaptation.weights)
     made = Adaptation(opened, out, adaptation, guard)
     report = made.run(lambda what: frame_progress_bar(what, delay_s=0))
     result = report.write(out, {SECTION: config.values})

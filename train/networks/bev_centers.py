@@ -136,7 +136,8 @@ class BevCenters(nn.Module):
         """Choose the mode; normalisation that an export has folded stays the identity."""
         super().train(mode)
         for norm in _norms(self):
-            norm.train(mode and not bool((norm.running_var == _folded_variance(norm)).all()))
+            assert norm.running_var is not None
+            norm.train(mode and not torch.equal(norm.running_var, _folded_variance(norm)))
         return self
 
     def forward(self, maps: Tensor) -> CenterMaps:
