@@ -127,7 +127,9 @@ class Adaptation:
         self._drives = [one.drive for one in drives]
         self._out, self._config = out, config
         self._guards = {
-            f"{one.root.name} {one.name}": one for one in open_drives(guards, images=False)
+            f"{path.resolve().name} {one.name}": one
+            for path in guards
+            for one in open_drives([path], images=False)
         }
         self._parts = split_in_time(self._drives, config.kept, config.gap_s)
         self._folders = {one.drive.name: one.proposals for one in drives if one.proposals}
@@ -161,30 +163,41 @@ class Adaptation:
         split = FrameSplit((*repeats * self._parts, *(_all_of(drive) for drive in learned)))
         write_split(self._out / SPLIT, split)
         line = WeightLine(initial_weights(config), self._train(split, bars("scans")))
-        share = self._allowed(line, guards, bars("choosing"))
         examples = self._samples([*split.select(self._drives, "train"), *learned], _CALIBRATION)
         maps = [{"maps": examples[row]["maps"].numpy()[None]} for row in range(len(examples))]
-        content = to_int8(to_onnx(line.at(share)), maps, QUANTIZATION)
-        with TemporaryDirectory() as folder:
-            (file := Path(folder, MODEL_FILE)).write_bytes(content)
-            after = {_AFTER: OnnxModel(file, threads=1)}
-            found = self._measure(after, self._kept(split) | guards, bars("measuring"))[_AFTER]
-        report = AdaptationReport(found, list(guards), config.max_lost, share)
+        sets = self._kept(split) | guards
+        for share in self._allowed(line, guards, bars("choosing")):
+            content = to_int8(to_onnx(line.at(share)), maps, QUANTIZATION)
+            found = self._measure_file(content, sets, bars("measuring"))
+            report = AdaptationReport(found, list(guards), config.max_lost, share)
+            if not report.lost:
+                break
         if report.is_better:
             write_atomically(self._out / MODEL_FILE, content)
         return report
 
     def _allowed(
         self, line: WeightLine, guards: Mapping[str, BevDataset], progress: Progress
-    ) -> float:
-        """Return the largest share of the way at which no guard loses too much, or the smallest of all."""
+    ) -> list[float]:
+        """Return the shares of the way, largest first, at which no guard loses too much, and the smallest in any case."""
         networks = {f"{share:g}": torch_runner(line.at(share)) for share in _SHARES}
         measured = self._measure(networks, guards, progress)
-        for share in _SHARES:
-            found = measured[f"{share:g}"].values()
-            if all(one[MEAN].gain >= -self._config.max_lost for one in found):
-                return share
-        return _SHARES[-1]
+        return [
+            share
+            for share in _SHARES
+            if share == _SHARES[-1]
+            or all(
+                one[MEAN].gain >= -self._config.max_lost for one in measured[f"{share:g}"].values()
+            )
+        ]
+
+    def _measure_file(
+        self, content: bytes, sets: Mapping[str, BevDataset], progress: Progress
+    ) -> SetPrecision:
+        """Return the precision of a model file."""
+        with TemporaryDirectory() as folder:
+            (file := Path(folder, MODEL_FILE)).write_bytes(content)
+            return self._measure({_AFTER: OnnxModel(file, threads=1)}, sets, progress)[_AFTER]
 
     def _train(self, split: FrameSplit, progress: Progress) -> Path:
         """Train, and return the checkpoint of the last epoch."""

@@ -27,7 +27,7 @@ class AdaptationConfig:
     weights: Path | None = None
     kept: float = 0.25
     gap_s: float = 2.0
-    scans: int = 30
+    scans: int = 60
     samples: int = 3000
     lr: float = 0.0005
     max_lost: float = 1.0

@@ -82,12 +82,17 @@ class AdaptationReport:
         return not self.reasons
 
     @property
+    def lost(self) -> dict[str, float]:
+        """Points that a guard has lost, of those that have lost too much."""
+        gains = {name: self.sets[name][MEAN].gain for name in self.guards}
+        return {name: -gain for name, gain in gains.items() if gain < -self.max_lost}
+
+    @property
     def reasons(self) -> list[str]:
         """Why they are not, in words."""
-        gains = {name: classes[MEAN].gain for name, classes in self.sets.items()}
-        found = [f"{KEPT} gains {gains[KEPT]:+.1f}"] if gains[KEPT] <= 0 else []
-        lost = [name for name in self.guards if gains[name] < -self.max_lost]
-        return found + [f"{name} loses {-gains[name]:.1f}" for name in lost]
+        gain = self.sets[KEPT][MEAN].gain
+        found = [f"{KEPT} gains {gain:+.1f}"] if gain <= 0 else []
+        return found + [f"{name} loses {points:.1f}" for name, points in self.lost.items()]
 
     @property
     def table(self) -> Table[AdaptedPrecision]:
@@ -126,6 +131,6 @@ class AdaptationReport:
             "before": np.array([one.mean_before for one in means]),
             "after": np.array([one.mean_after for one in means]),
         }
-        names = [name.replace(", ", "\n") for name in self.sets]
-        plot_groups(out / "adapt.png", words, names, {"mean AP [%]": bars})
+        names = [name.replace(" ", "\n") for name in self.sets]
+        plot_groups(out / "adapt.png", "before and after", names, {"mean AP [%]": bars})
         return words
