@@ -26,7 +26,7 @@ INPUTS = {
 }
 OUTPUTS = {
     "synth": "out",
-    **dict.fromkeys(("export", "split", *(one for one in COMMANDS if one.startswith("batch "))), "--out out"),
+    **dict.fromkeys(("adapt", "export", "split", *(one for one in COMMANDS if one.startswith("batch "))), "--out out"),
     "batch synth": "out",
     "shards": "--out out --modality dm",
 }  # fmt: skip
