@@ -110,12 +110,10 @@ def evaluate_obstacles(
     from perception.evaluation.obstacle_sets import ObstacleSetReport
 
     reader, words = drive.reader(), {**PROTOCOL_WORDS, "values": protocol}
-    if counting.counting_sheet is not None:
+    if (sheet := counting.counting_sheet) is not None:
         from data.results.counted_scans import CountedScans
 
-        scans = CountedScans(
-            counting.counting_sheet, counting.scans, counting.seed, pipeline, protocol
-        )
+        scans = CountedScans(sheet, counting.scans, counting.seed, pipeline, protocol)
         counted = scans.evaluate(root, set, reader)
         document = EvaluationDocument("obstacles", {"root": root, "counting": counting}, words)
         report.publish(str(counted), counted, document, config)
