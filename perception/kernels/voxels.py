@@ -82,31 +82,6 @@ def moved_centers(
     return centers
 
 
-@compiled((_POINTS, array_of(np.float64, 2), (NUMBER, NUMBER, NUMBER), (WHOLE, WHOLE)))
-def keys_in_world(
-    points: Float32,
-    world_SE3_points: Float64,
-    edges_m: tuple[float, float, float],
-    shape: tuple[int, int],
-) -> Int:
-    """Return (N,) the key of the cell around each of (N, 3+) points after a motion, in a grid without borders.
-
-    Args:
-        points: (N, 3+) points.
-        world_SE3_points: (4, 4) transform from the points to the frame of the grid.
-        edges_m: Edges of a cell in metres.
-        shape: Numbers of cells along y and z after which keys repeat.
-    """
-    T, keys = world_SE3_points, np.zeros(len(points), np.int64)
-    for row in range(len(points)):
-        x, y, z = points[row, 0], points[row, 1], points[row, 2]
-        i = int(np.floor((T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) / edges_m[0]))
-        j = int(np.floor((T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) / edges_m[1]))
-        k = int(np.floor((T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]) / edges_m[2]))
-        keys[row] = (i * shape[0] + j) * shape[1] + k
-    return keys
-
-
 @compiled((_KEYS, _KEYS, _POINTS, _KEYS, _KEYS, _RECTANGLE, WHOLE))
 def remembered_voxels(
     keys: Int,

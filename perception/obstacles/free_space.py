@@ -3,26 +3,16 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from perception.geometry import se3
-from perception.kernels.voxels import keys_in_world
 from perception.localization.pose_covariance import plane_deviations_m
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
-from perception.obstacles.voxels import Keys, count_keys, is_among
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
-# Wires and leaves return now here, now there, but always from the same columns. Only the older half of the horizon tells
-# them from what comes: its own bumper is in the column of its windscreen a moment before.
-_COLUMN_M = (0.2, 0.2, 1.0)
-_COLUMNS_ACROSS, _COLUMNS_UP = (
-    2**12,
-    2**7,
-)  # after 819 m and 128 m keys repeat; short ones are sorted sooner
-_OLD_RATIO = 0.5
 # Seen from farther back, a post of 10 cm at the end of the area falls between two beams.
 _MAX_TRAVEL_M = 12.0
 # Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
@@ -39,13 +29,10 @@ class PastReturns:
 
     Attributes:
         left: (P,) number of scans in which a beam ended at the place that another beam passed later.
-        passed_in_column: (P,) number of scans in which a beam passed at the place, between others that ended above or
-            below at something static; of the older half, and 0 where no queried scan saw free space.
         visible: (P,) number of scans in which a beam ended at the place or passed.
     """
 
     left: Int
-    passed_in_column: Int
     visible: Int
 
 
@@ -79,14 +66,12 @@ class _PastScan:
         world_SE3_velo: (4, 4) pose of the scan.
         covariance: (6, 6) covariance of the pose.
         stamp_s: Time of the scan in seconds.
-        static_columns: (C,) rising keys of the columns that held something static.
     """
 
     image: RangeImage
     world_SE3_velo: Float64
     covariance: Float64
     stamp_s: float
-    static_columns: Keys
 
 
 class FreeSpaceMemory:
@@ -115,8 +100,7 @@ class FreeSpaceMemory:
         """Add the newest scan, its pose of a (6, 6) covariance or exact; those beyond the horizon drop out but the last."""
         image = RangeImage(points_velo, self._projection)
         covariance = np.zeros((6, 6)) if covariance is None else covariance
-        nothing = np.zeros(0, np.int64)
-        self._scans.append(_PastScan(image, world_SE3_velo, covariance, stamp_s, nothing))
+        self._scans.append(_PastScan(image, world_SE3_velo, covariance, stamp_s))
         while len(self._scans) > 2 and self.age_s(len(self._scans) - 1) > self._max_age_s:
             self._scans.popleft()
 
@@ -129,17 +113,9 @@ class FreeSpaceMemory:
         """Forget all scans."""
         self._scans.clear()
 
-    def classify(self, moving_velo: Float32, static_velo: Float32) -> None:
-        """Remember what of the newest scan moves, and what does not.
-
-        Args:
-            moving_velo: (M, 3) returns of what moves.
-            static_velo: (S, 3) places of static obstacles, one of each voxel.
-        """
-        newest = self._scans[-1]
-        newest.image.mark_moving(moving_velo)
-        columns = count_keys(_columns(static_velo, newest.world_SE3_velo)).keys
-        self._scans[-1] = replace(newest, static_columns=columns)
+    def mark_moving(self, moving_velo: Float32) -> None:
+        """Remember that these (M, 3) returns of the newest scan are of what moves."""
+        self._scans[-1].image.mark_moving(moving_velo)
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
@@ -186,32 +162,21 @@ class FreeSpaceMemory:
             was_hit,
             was_behind_departed,
             gaps_m,
-            lambda rows: self._past_returns(points_velo[rows], np.any(was_free[:, rows], axis=0)),
+            lambda rows: self._past_returns(points_velo[rows]),
         )
 
-    def _past_returns(self, points_velo: Float32, was_free: Bool) -> PastReturns:
-        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first.
-
-        Args:
-            points_velo: (P, 3) places in the frame of the newest scan.
-            was_free: (P,) whether a queried scan saw free space there; only then does the column count.
-        """
-        left, passed_in_column, visible = np.zeros((3, len(points_velo)), np.int64)
+    def _past_returns(self, points_velo: Float32) -> PastReturns:
+        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first."""
+        left, visible = np.zeros((2, len(points_velo)), np.int64)
         was_empty = np.zeros(len(points_velo), bool)
-        columns = _columns(points_velo, self._scans[-1].world_SE3_velo)
-        oldest = self._oldest_age()
-        for age in range(1, oldest + 1):
+        for age in range(1, self._oldest_age() + 1):
             scan = self._scans[-1 - age]
             points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
             ends, passes = scan.image.returns(points_past, _MARGIN_M)
-            is_passed = passes & ~ends
             left += ends & was_empty
-            if age >= max(_OLD_RATIO * oldest, 3):
-                free = np.flatnonzero(was_free & is_passed)
-                passed_in_column[free] += is_among(columns[free], scan.static_columns)
             visible += ends | passes
-            was_empty |= is_passed
-        return PastReturns(left, passed_in_column, visible)
+            was_empty |= passes & ~ends
+        return PastReturns(left, visible)
 
     def _past_SE3_newest(self, age: int) -> Float64:
         return se3.inverse(self._scans[-1 - age].world_SE3_velo) @ self._scans[-1].world_SE3_velo
@@ -231,12 +196,6 @@ class FreeSpaceMemory:
         ]
         # At a speed beyond the limit, the scan before is still the best one.
         return min(max(usable[-1], 1), len(self._scans) - 1)
-
-
-def _columns(points_velo: Float32, world_SE3_velo: Float64) -> Keys:
-    """Return the (P,) key of the column in the world that holds each of (P, 3) points."""
-    points, pose = np.ascontiguousarray(points_velo), np.ascontiguousarray(world_SE3_velo)
-    return keys_in_world(points, pose, _COLUMN_M, (_COLUMNS_ACROSS, _COLUMNS_UP))
 
 
 def _shorten(points: Float32, by_m: Float32) -> Float32:

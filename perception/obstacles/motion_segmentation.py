@@ -164,7 +164,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         is_moving = moves.take(voxels.group_of)
         moved = above_ground.points_velo.take(np.flatnonzero(is_moving), axis=0)
         self._moved_before, self._world_SE3_before = places.take(moving_rows, axis=0), pose
-        self._memory.classify(moved, places.take(static_rows, axis=0))
+        self._memory.mark_moving(moved)
 
         seen, moving = _pick(voxels, static_rows), _pick(voxels, moving_rows)
         static = voxelized.static_map.update(

@@ -36,9 +36,8 @@ _CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his e
 # is static again.
 _STOP_AGE_S, _STOPPED_RATIO = 0.3, 0.95
 
-# A larger share of scans with a return from a place that appeared, before another beam passed, is of a fence or leaves. A
-# cluster of more voxels is too solid to be a part of these.
-_MAX_RETURNED_RATIO, _MAX_RETURNED_RATIO_NEAR_MOVING, _MIN_SOLID_VOXELS = 0.1, 0.2, 30
+# A larger share of scans with a return from a place that appeared, before another beam passed, is of a fence or leaves.
+_MAX_RETURNED_RATIO, _MAX_RETURNED_RATIO_NEAR_MOVING = 0.1, 0.2
 
 # The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is at most 1 m, and
 # at most a quarter of what it was when it was observed last, beside what an acceleration of 2 m/s² makes of it.
@@ -130,9 +129,7 @@ def moving_voxels(
     moves[0] = False
     evidence = np.flatnonzero(moves[cluster] & (votes.appeared | votes.uncovered))
     past = history.past_returns(evidence)
-    left = np.bincount(cluster[evidence], past.left, clusters)
-    in_columns = np.bincount(cluster[evidence], past.passed_in_column, clusters)
-    returned = left + in_columns * (count_by_cluster(votes.appeared) < _MIN_SOLID_VOXELS)
+    returned = np.bincount(cluster[evidence], past.left, clusters)
     visible = np.bincount(cluster[evidence], past.visible, clusters)
     tolerated = np.where(goes_on, _MAX_RETURNED_RATIO_NEAR_MOVING, _MAX_RETURNED_RATIO)
     # The place of what drives away was hidden, so that few scans have observed it.

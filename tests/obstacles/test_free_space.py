@@ -29,7 +29,7 @@ def past_returns(scans, moving=()):
         points = sphere({"F": 20.0, "H": 10.0, "B": 5.0}[letter])
         memory.push(points, np.eye(4), 0.1 * number)
         if number in moving:
-            memory.classify(points, points[:0])
+            memory.mark_moving(points)
     past = memory.query(PLACE).past_returns(np.array([0]))
     return past.left[0], past.visible[0]
 
@@ -41,25 +41,6 @@ def past_returns(scans, moving=()):
 )
 def test_a_place_is_left_where_a_beam_passes_after_a_return(scans, left, visible):
     assert past_returns(scans) == (left, visible)
-
-
-def passed_in_column(scans, wire_m, age_of_wire):
-    """Return how often a beam passed at the place while something static was in its column or beside it."""
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
-    for age in reversed(range(scans)):
-        memory.push(sphere(20.0) if age else sphere(10.0), np.eye(4), -0.1 * age)
-        wire = PLACE + np.float32([0.0, wire_m, 0.5])
-        memory.classify(PLACE[:0], wire if age == age_of_wire else wire[:0])
-    return memory.query(PLACE).past_returns(np.array([0])).passed_in_column[0]
-
-
-@pytest.mark.parametrize(
-    ("wire_m", "age_of_wire", "expected"),
-    [(0.0, 8, 1), (0.0, 2, 0), (1.0, 8, 0)],
-    ids=["above it", "above it just now", "beside it"],
-)
-def test_a_beam_that_passed_between_wires_is_counted(wire_m, age_of_wire, expected):
-    assert passed_in_column(11, wire_m, age_of_wire) == expected
 
 
 def test_what_moved_through_a_place_has_not_left_it():

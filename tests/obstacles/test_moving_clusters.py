@@ -11,11 +11,10 @@ AGES_S = np.array([0.5, 1.0, 1.5])
 NOWHERE = np.zeros((0, 3), np.float32)
 
 
-def history(*states, ages_s=AGES_S, gaps_m=None, left=0, in_column=0, visible=10):
+def history(*states, ages_s=AGES_S, gaps_m=None, left=0, visible=10):
     """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first.
 
-    Of `visible` scans that saw a voxel, `left` have a return from it before a beam passed, and `in_column` one above
-    or below it.
+    Of `visible` scans that saw a voxel, `left` have a return from it before a beam passed.
     """
     letters = np.array([list(word) for word in states]).T
     gaps = np.zeros(letters.shape, np.float32) if gaps_m is None else np.float32(gaps_m)
@@ -27,7 +26,6 @@ def history(*states, ages_s=AGES_S, gaps_m=None, left=0, in_column=0, visible=10
         gaps,
         lambda rows: PastReturns(
             np.broadcast_to(left, len(states))[rows],
-            np.full(len(rows), in_column),
             np.full(len(rows), visible),
         ),
     )
@@ -136,15 +134,6 @@ def test_a_walker_does_not_make_the_wall_beside_him_move():
         *[False] * 72,
         *[True] * 14,
     ]
-
-
-@pytest.mark.parametrize(
-    ("voxels", "in_column", "expected"),
-    [(12, 1, True), (12, 2, False), (40, 2, True)],
-    ids=["once", "a few wires", "too solid for wires"],
-)
-def test_a_few_voxels_between_wires_do_not_move(voxels, in_column, expected):
-    assert moves("FFF", voxels=voxels, in_column=in_column).tolist() == [expected] * voxels
 
 
 def test_what_begins_to_move_has_been_observed_often_enough():
