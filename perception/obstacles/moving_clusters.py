@@ -21,7 +21,7 @@ from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int, UInt8
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
-NEAR_MOVING_M = 0.5  # to voxels that moved in the scan before: 5 m/s at 10 Hz
+NEAR_MOVING_M = 1.0  # to voxels that moved in the scan before: 10 m/s at 10 Hz
 # Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
 _GAP_RATIO = 2.0
 _REACH_STEP = 64  # columns in which a table of them grows
