@@ -12,10 +12,8 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Int
 
 _SIDE_NOISE_M, _SIDE_NOISE_PER_M = 0.06, 0.005  # of a seen side, and its growth with distance
-_SPARSE_NOISE_M, _SPARSE_BODY_NOISE_M = (
-    1.6,
-    0.15,
-)  # of a side and of a body by one point; divided by the root of their number
+# Of a side, and of a person's body, by one point; divided by the root of their number.
+_SPARSE_NOISE_M, _SPARSE_BODY_NOISE_M = 1.6, 0.15
 _SIZE_NOISE_PER_M = 0.002  # standard deviation of length and width, divided by the distance
 _HIDDEN_SHARE = 0.7  # of a class's deviation of length and width that is left of a tracked object
 _SINGLE_SCAN_MISTAKES = 4.0  # probability of another class in a single scan, in that of a track
