@@ -40,7 +40,7 @@ class ProcessIdWriter(ResultWriter):
 
 
 @pytest.fixture
-def process():
+def process(tmp_path: Path):  # its log lies there until it is closed
     writer = ProcessWriter("test")
     yield writer
     writer.close(is_complete=True)
