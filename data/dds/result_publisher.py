@@ -13,7 +13,7 @@ from data.messages.definitions import encoded, message
 from data.messages.geometry import LIDAR, WORLD, time_of
 from data.messages.motion import transform
 from data.messages.occupancy import occupancy
-from data.messages.topics import Topic, part_statuses, topics
+from data.messages.topics import MessageFunction, Topic, part_statuses, topics
 from perception.geometry.se3 import inverse
 from perception.obstacles.occupancy import OccupancyEvidence
 from perception.types import Float64, Result
@@ -22,8 +22,8 @@ PREFIX = "/trifuse"
 _GRIDS = {"/occupancy": True, "/occupancy/static": False}  # with what moves, and without
 _GRID_KIND = "nav_msgs/msg/OccupancyGrid"
 _GRID_STEP_S, _STAMP_JITTER_S = 0.2, 0.02
-_SHARED = ("/tf", "/diagnostics")  # one topic each for all nodes
-_ODOMETRY = "/ego/odometry"
+_TF, _ODOMETRY = _OF_BASE = ("/tf", "/ego/odometry")
+_SHARED = (_TF, "/diagnostics")  # one topic each for all nodes
 _KINDS = {
     "tf2_msgs/msg/TFMessage",
     "nav_msgs/msg/Odometry",
@@ -100,7 +100,12 @@ class RosPublisher:
             health: Health of the topics that the frames come from.
         """
         self._origin_ns, self._health = origin_ns, health or TopicHealth()
-        chosen = [one for one in topics(min_score) if one.kind in _KINDS]
+        own: dict[str, MessageFunction] = {_TF: self._pose_transform}
+        chosen = [
+            replace(one, message_of=own.get(one.name, one.message_of))
+            for one in topics(min_score)
+            if one.kind in _KINDS
+        ]
         self._writers = [
             (one, participant.writer(ros_name(one.name), one.kind, *_quality(one)))
             for one in chosen
@@ -132,11 +137,8 @@ class RosPublisher:
         for topic, writer in self._writers:
             if not writer.has_readers:
                 continue
-            if topic.name == "/tf":
-                value = self._pose_transform(of_base)
-            else:
-                about = of_base if topic.name == _ODOMETRY else result
-                value = topic.message_of(about, self._last)
+            about = of_base if topic.name in _OF_BASE else result
+            value = topic.message_of(about, self._last)
             if value is not None:
                 self.dropped += not writer.write(encoded(self._as_ros(topic, value, stamp_ns)))
         self._publish_grids(result, stamp_ns)
@@ -166,8 +168,9 @@ class RosPublisher:
     def _statuses(self) -> list[Any]:
         return part_statuses(self._health.health, self._health.topics)
 
-    def _pose_transform(self, of_base: Result) -> Any:  # noqa: ANN401 - a message
+    def _pose_transform(self, of_base: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
         """Return the pose alone: where its sensors are the robot states itself."""
+        del last
         if not self._frames.has_pose_transform:
             return None
         pose = transform(0.0, WORLD, self._frames.base, of_base.world_SE3_velo)
@@ -197,7 +200,7 @@ def ros_name(name: str) -> str:
 
 
 def _quality(topic: Topic) -> tuple[QosProfile, int]:
-    return ("default", _TF_DEPTH) if topic.name == "/tf" else ("default", 1)
+    return ("default", _TF_DEPTH) if topic.name == _TF else ("default", 1)
 
 
 def _readdressed(value: Any, names: Mapping[str, str], stamp: Any) -> Any:  # noqa: ANN401

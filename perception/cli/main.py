@@ -18,7 +18,7 @@ from perception.cli.parser import (
     nested_types,
     parse,
     positional,
-)  # fmt: skip
+)
 from perception.errors import PerceptionError, UsageError
 from train.trainings import TRAININGS, EverydayFlags, training_of
 
