@@ -10,18 +10,10 @@ A wrong elevation bends what is flat to a cone around the LiDAR, which comes alo
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
-from perception.kernels.scan_matching import (
-    ROWS,
-    SOURCES,
-    SURFACES,
-    TABLE,
-    NormalSources,
-    VoxelTable,
-    match_points,
-    moved_point,
-    moved_pose,
-    solve,
-)
+from perception.kernels.normal_equations import moved_point, moved_pose, solve
+from perception.kernels.scan_matching import match_points
+from perception.kernels.surface_normals import SOURCES, SURFACES, NormalSources
+from perception.kernels.voxel_table import ROWS, TABLE, VoxelTable
 from perception.types import Float64, Int
 
 _ROBUST_M = 0.03  # distance from a surface at which a match weighs a quarter (Geman-McClure)

@@ -5,17 +5,15 @@ from typing import Literal
 
 import numpy as np
 
-from perception.kernels.scan_matching import (
+from perception.kernels.scan_matching import align_surfaces, distances_to_surfaces
+from perception.kernels.surface_normals import (
     ALL_KNOWN,
     NormalSources,
-    VoxelTable,
-    align_surfaces,
-    distances_to_surfaces,
     find_normals,
     means_and_normals,
     unfitted_surfaces,
-    voxel_moments,
 )
+from perception.kernels.voxel_table import VoxelTable, voxel_moments
 from perception.types import Float32, Float64
 
 _MIN_POINTS = 50  # of a filtered scan; fewer do not determine six degrees of freedom

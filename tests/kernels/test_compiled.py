@@ -92,7 +92,7 @@ def test_the_pipeline_is_imported_quickly_and_has_loaded_every_function_before_a
         "Pipeline(config=PipelineConfig.for_motion()).close()\n"
         "import numba, numpy as np\n"
         "numba.njit = None\n"  # a function that is loaded only now fails
-        "from perception.kernels.scan_matching import voxel_moments\n"
+        "from perception.kernels.voxel_table import voxel_moments\n"
         "voxel_moments(np.ones((9, 4), np.float32), 0.5)\n"
         "print(imported)"
     )

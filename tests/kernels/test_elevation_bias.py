@@ -6,7 +6,8 @@ from scipy.spatial import cKDTree
 
 from perception.geometry.se3 import from_euler, from_motion_vector, inverse, transform_points
 from perception.kernels.elevation_bias import elevation_bias
-from perception.kernels.scan_matching import ALL_KNOWN, means_and_normals, voxel_moments
+from perception.kernels.surface_normals import ALL_KNOWN, means_and_normals
+from perception.kernels.voxel_table import voxel_moments
 from perception.localization.elevation_bias import raised
 from tests.kernels.test_scan_matching import EDGE_M, street
 

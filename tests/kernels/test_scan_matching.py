@@ -6,14 +6,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from perception.geometry.se3 import cross_matrix, from_euler
-from perception.kernels.scan_matching import (
-    ALL_KNOWN,
-    align_surfaces,
-    distances_to_surfaces,
-    means_and_normals,
-    unfitted_surfaces,
-    voxel_moments,
-)
+from perception.kernels.scan_matching import align_surfaces, distances_to_surfaces
+from perception.kernels.surface_normals import ALL_KNOWN, means_and_normals, unfitted_surfaces
+from perception.kernels.voxel_table import voxel_moments
 
 EDGE_M = 0.5
 
