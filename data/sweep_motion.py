@@ -6,7 +6,8 @@ import numpy as np
 
 from perception.geometry.se3 import inverse
 from perception.localization.deskew import SweepMotion
-from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.located_scan import PoseOrigin
+from perception.localization.odometry import LidarOdometry
 from perception.types import Float32, Float64
 
 _MAX_GAP_S = 1.0  # between two scans; over a longer one the velocity is not constant

@@ -9,7 +9,8 @@ from perception.geometry.se3 import inverse
 from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
 from perception.localization.ins_fusion import InsFusion
-from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.located_scan import PoseOrigin
+from perception.localization.odometry import LidarOdometry
 from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.types import Bool, Float64, Frame, Int, Method
 

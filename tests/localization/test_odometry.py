@@ -11,7 +11,8 @@ from perception.localization.alignment import (
     preprocess_points,
     share_on_surfaces,
 )
-from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.located_scan import PoseOrigin
+from perception.localization.odometry import LidarOdometry
 
 STEP_S = 0.1
 
@@ -132,7 +133,7 @@ def test_a_drive_between_even_walls_follows_the_ins(monkeypatch: pytest.MonkeyPa
         return float(np.abs(np.diff(found) - 0.72).max())
 
     assert farthest_m() < 0.04
-    monkeypatch.setattr("perception.localization.odometry._INS_PRIOR_SHARE", 0.0)
+    monkeypatch.setattr("perception.localization.motion_search._INS_PRIOR_SHARE", 0.0)
     assert farthest_m() > 0.1
 
 
@@ -291,8 +292,8 @@ def test_what_is_off_the_surfaces_takes_no_part() -> None:
 
 def test_many_keyframes_do_not_skew_the_rotation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each keyframe's pose is built on the one before: any skew would double each time."""
-    monkeypatch.setattr("perception.localization.odometry._KEYFRAME_M", 0.0)
-    monkeypatch.setattr("perception.localization.odometry._MIN_KEYFRAME_M", 0.0)
+    monkeypatch.setattr("perception.localization.keyframes._KEYFRAME_M", 0.0)
+    monkeypatch.setattr("perception.localization.keyframes.MIN_KEYFRAME_M", 0.0)
     odometry = LidarOdometry()
     points = observed_from(np.eye(4), 0)
     for index in range(40):

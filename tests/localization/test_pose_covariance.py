@@ -4,7 +4,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from perception.geometry.se3 import from_euler, rotation_vector
-from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.located_scan import PoseOrigin
+from perception.localization.odometry import LidarOdometry
 from perception.localization.pose_covariance import (
     plane_covariances_m2,
     plane_deviations_m,
