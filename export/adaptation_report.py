@@ -8,10 +8,10 @@ from typing import Annotated
 import numpy as np
 
 from data.results.documents import describe_machine, write_json
+from export.adapted_network import ClassPrecision
 from perception.atomic_file import write_atomically
 from perception.evaluation.report import Metric, Metrics, Table
 from perception.render.bar_plots import plot_groups
-from train.bev.metrics import CenterPrecision
 
 KEPT, MEAN = "kept apart", "mean"
 _MIN_LABELS = 50  # of a class whose precision is known to a few points
@@ -23,9 +23,9 @@ class AdaptedPrecision(Metrics):
 
     Attributes:
         labels: Number of labels that count.
-        ap_before: Average precision of centres within 2 m.
+        ap_before: Average precision.
         ap_after: The same after.
-        mean_before: Mean of those within 0.5, 1, 2 and 4 m.
+        mean_before: Mean of average precisions at stricter and looser matches.
         mean_after: The same after.
     """
 
@@ -41,10 +41,11 @@ class AdaptedPrecision(Metrics):
         return self.mean_after - self.mean_before
 
     @classmethod
-    def of(cls, before: CenterPrecision, after: CenterPrecision) -> "AdaptedPrecision":
+    def of(cls, before: ClassPrecision, after: ClassPrecision) -> "AdaptedPrecision":
         """Return the precision of a class."""
         values = (100 * one for one in (before.ap, after.ap, before.mean_ap, after.mean_ap))
-        return cls(before.labels, *values)
+        # What is detected in no frame states no labels.
+        return cls(max(before.labels, after.labels), *values)
 
     @classmethod
     def mean(cls, classes: Sequence["AdaptedPrecision"]) -> "AdaptedPrecision":
@@ -65,12 +66,14 @@ class AdaptationReport:
     """What an adaptation gives.
 
     Attributes:
+        title: What is measured, in words.
         sets: Precision of the sets.
         guards: Sets that may not lose.
         max_lost: Points that they may.
         share: Share of the way from the first weights to the trained ones.
     """
 
+    title: str
     sets: SetPrecision
     guards: Sequence[str]
     max_lost: float
@@ -102,8 +105,7 @@ class AdaptationReport:
             for name, classes in self.sets.items()
             for of_class, one in classes.items()
         }
-        title = "precision from above before and after"
-        return Table(title, AdaptedPrecision.columns(), rows, "scans, class")
+        return Table(self.title, AdaptedPrecision.columns(), rows, "scans, class")
 
     def write(self, out: Path, stated: Mapping[str, object]) -> str:
         """Write adapt.json, adapt.md and adapt.png into a folder; return the result in words.
@@ -118,7 +120,10 @@ class AdaptationReport:
         }
         result = {"is_better": self.is_better, "reasons": self.reasons, "share": self.share}
         machine = {"machine": describe_machine()}
-        write_json(out / "adapt.json", {**stated, **machine, **result, "sets": sets})
+        write_json(
+            out / "adapt.json",
+            {**stated, **machine, "measured": self.title, **result, "sets": sets},
+        )
         words = f"better, {self.share:.0%} of the way to the trained weights"
         if not self.is_better:
             words = f"not better, the weights stay as they are: {', '.join(self.reasons)}"

@@ -20,7 +20,7 @@ class AdaptedDrive:
     Attributes:
         path: Path of the drive.
         sequence: Sequence of the path, or None.
-        drive: Drive without images.
+        drive: Drive, with images where they are learned.
         proposals: Folder of `trifuse label` that is learned; None for the labels of the drive.
     """
 
@@ -34,21 +34,25 @@ class AdaptedDrive:
         """Whether there is what is learned."""
         return self.proposals is None or (self.proposals / FILE_NAME).exists()
 
-    def propose(self, label: Callable[[list[str]], None], weights: Path | None) -> None:
+    def propose(self, label: Callable[[list[str]], None], weights: Sequence[str] = ()) -> None:
         """Propose labels where they are missing; a proposal that was stopped goes on.
 
         Args:
             label: Function that runs `trifuse label` with some words.
-            weights: Model file of the detector from above; None for that of this package.
+            weights: Flags that name a model file other than that of this package.
         """
         if not self.is_labelled:
             words = [] if self.sequence is None else ["--sequence", self.sequence]
-            words += [] if weights is None else ["--pipeline.detection.bev-model", str(weights)]
-            label([str(self.path), "--out", str(self.proposals), "--resume", *words])
+            label([str(self.path), "--out", str(self.proposals), "--resume", *words, *weights])
 
 
 def open_adapted(
-    paths: Sequence[Path], sequence: str | None, learned: LearnedLabels, out: Path
+    paths: Sequence[Path],
+    sequence: str | None,
+    learned: LearnedLabels,
+    out: Path,
+    *,
+    images: bool,
 ) -> list[AdaptedDrive]:
     """Open the drives of some paths.
 
@@ -57,6 +61,7 @@ def open_adapted(
         sequence: Only sequence of each; None for all.
         learned: Labels of the drives where there are some, or proposals for all.
         out: Folder of the results, in which proposals are made.
+        images: Whether images are learned.
 
     Raises:
         DriveError: A path holds no drive.
@@ -65,7 +70,7 @@ def open_adapted(
     result = []
     for path in paths:
         for name in sequences_in(path) if sequence is None else [sequence]:
-            drive = open_drive(path, sequence=name, images=False)
+            drive = open_drive(path, sequence=name, images=images)
             if not drive.is_sequence:
                 expected = "frames that follow each other in time"
                 raise UsageError(path, expected=expected, found="single frames")

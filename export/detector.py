@@ -1,10 +1,10 @@
 """A detector of one modality on its way from a checkpoint to a file, in the form that serves best."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -116,15 +116,21 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    detector, metadata = load_detector(checkpoint)
+    return exportable_network(*load_detector(checkpoint), size)
+
+
+def exportable_network(
+    detector: YoloDetector, metadata: Mapping[str, str], size: InputSize | None = None
+) -> Exportable:
+    """Return a network with the metadata of its model file; size as of `exportable_detector`."""
     size = size or InputSize(int(metadata["input_height"]), int(metadata["input_width"]))
-    metadata |= {"input_height": str(size.height_px), "input_width": str(size.width_px)}
+    sides = {"input_height": str(size.height_px), "input_width": str(size.width_px)}
     example = random_images(2, (detector.channels, *size), np.random.default_rng(0))
     return Exportable(
         DecodedDetector(detector).eval(),
         {"images": torch.from_numpy(example)},
         outputs=("boxes_px", "scores"),
-        metadata=metadata,
+        metadata={**metadata, **sides},
         side_step=SIZE_STEP_PX,
     )
 
@@ -202,18 +208,49 @@ def measure_variants(
     drive = config.drive
     if drive is None or not drive.has_labels:
         return {}
+    images = (
+        (modality_image(frame, detector.modality, detector.filling), drive.labels(frame.index))
+        for frame in config.read("precision")
+    )
+    truths, found, frames = detect_images(networks, images, detector)
+    return {
+        name: precision_table(measure(truths, boxes, frames, detector.class_names))
+        for name, boxes in found.items()
+    }
+
+
+class FoundBoxes(NamedTuple):
+    """Boxes in some images.
+
+    Attributes:
+        truths: Labelled boxes.
+        found: Boxes of each network by its name.
+        frames: Number of images.
+    """
+
+    truths: TrueBoxes
+    found: Mapping[str, DetectedBoxes]
+    frames: int
+
+
+def detect_images(
+    networks: Mapping[str, Network],
+    images: Iterable[tuple[UInt8, Labels]],
+    detector: ModalityDetector,
+) -> FoundBoxes:
+    """Return what networks find in images.
+
+    Args:
+        networks: Networks of the same input by name.
+        images: (H, W, C) images with their labels.
+        detector: What makes the input of an image and detections of the outputs.
+    """
     labels: list[Labels] = []
     found: dict[str, list[Detections]] = {name: [] for name in networks}
-    for frame in config.read("precision"):
-        labels.append(drive.labels(frame.index))
-        image = modality_image(frame, detector.modality, detector.filling)
+    for image, of_image in images:
+        labels.append(of_image)
         inputs = {"images": detector.preprocess(image)}
         for name, network in networks.items():
             found[name].append(detector.postprocess(image, network(inputs)))
-    truths = TrueBoxes.of_frames(labels)
-    return {
-        name: precision_table(
-            measure(truths, DetectedBoxes.of_frames(of_variant), len(labels), detector.class_names)
-        )
-        for name, of_variant in found.items()
-    }
+    boxes = {name: DetectedBoxes.of_frames(of_network) for name, of_network in found.items()}
+    return FoundBoxes(TrueBoxes.of_frames(labels), boxes, len(labels))

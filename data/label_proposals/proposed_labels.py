@@ -1,7 +1,9 @@
 """Proposed labels of the frames of a drive, to learn from: what is unsure is neither an object nor background."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from data.array_store import entry_key
 from data.label_proposals.config import ProposedLabelConfig
@@ -53,3 +55,12 @@ class ProposedLabels:
     def at(self, frame_name: str) -> Labels | None:
         """Return the labels of a frame, None of one that was not read."""
         return self._labels.get(frame_name)
+
+
+NO_PROPOSALS: Mapping[str, ProposedLabels] = MappingProxyType({})
+"""Proposals of no drive."""
+
+
+def read_proposals(folders: Mapping[str, Path] | None) -> Mapping[str, ProposedLabels]:
+    """Return the proposals of folders of `trifuse label` by the name of a drive; raise as `ProposedLabels`."""
+    return {name: ProposedLabels(folder) for name, folder in (folders or {}).items()}

@@ -6,11 +6,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.frame_fingerprint import frame_fingerprint
 from data.frames import frame_name
 from perception.errors import PerceptionError
-from perception.types import Drive, Frame
+from perception.types import Drive, Frame, Int
 
 
 class CachedFrames(ABC):
@@ -44,6 +46,10 @@ class CachedFrames(ABC):
             for drive, index in self._frames
             for name in drive.labels(index).types.astype(str).tolist()
         )
+
+    def spread(self, count: int) -> Int:
+        """Return the numbers of some frames, evenly spread, all of them where they are fewer."""
+        return np.linspace(0, len(self) - 1, min(len(self), count)).round().astype(np.int64)
 
     def name(self, number: int) -> str:
         """Return the name of a frame in results."""

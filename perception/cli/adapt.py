@@ -7,7 +7,7 @@ from typing import Literal
 from data.results.command_config import SECTION, CommandConfig
 from export.adaptation_config import AdaptationConfig, LearnedLabels
 from perception.cli.parser import FlagGroup, call
-from perception.errors import UsageError, optional_package
+from perception.errors import optional_package
 
 
 @dataclass(frozen=True)
@@ -26,35 +26,35 @@ def adapt(
     learn: LearnedLabels = "labels",
     guard: tuple[Path, ...] = (),
 ) -> None:
-    """Train the detector from above further on your drives; keep it only where it is better.
+    """Train a detector further on your drives, from above or of the camera; keep it only where it is better.
 
     A drive without labels is learned from proposals, which are made in OUT/labels/NAME; a review.json that is saved there
-    counts. The same command goes on where it was stopped. OUT/bev_centers.onnx is for --pipeline.detection.bev-model.
+    counts. The same command goes on where it was stopped. The last line names the flag that runs the model file.
 
     Example: trifuse adapt my_drive --out my_weights
 
     Args:
         drives: Drives of any layout, whose frames follow each other.
         out: Folder of the results.
-        network: Detector from above, bev.
+        network: Detector from above, bev; or of the main camera's images, rgb.
         sequence: Sequence of a tracking folder.
         learn: Labels of the drives where there are some, or proposals for all.
         guard: Further labelled drives, with commas between them, on which nothing may be lost.
     """
-    if network == "rgb":
-        advice = "label images, then: trifuse train detector --modality rgb"
-        raise UsageError("--network", expected="bev", found=network, advice=advice)
     with optional_package("torch, onnx and onnxscript", needed_for="trifuse adapt", extra="train"):
-        from export.adaptation import Adaptation, expected_minutes
+        from export.adaptation import NETWORKS, Adaptation, expected_minutes
     from export.adapted_drives import open_adapted
     from perception.cli.label import label
     from perception.cli.progress import frame_progress_bar
 
-    opened = open_adapted(drives, sequence, learn, out)
-    print(f"takes about {expected_minutes(opened, adaptation):.0f} minutes", flush=True)
+    opened = open_adapted(drives, sequence, learn, out, images=network == "rgb")
+    kind = NETWORKS[network]
+    adapted = kind(adaptation.weights, opened[0].drive)
+    print(f"takes about {expected_minutes(opened, adapted, adaptation):.0f} minutes", flush=True)
+    weights = [] if adaptation.weights is None else [kind.flag, str(adaptation.weights)]
     for one in opened:
-        one.propose(lambda words: call("trifuse label", label, words), adaptation.weights)
-    made = Adaptation(opened, out, adaptation, guard)
+        one.propose(lambda words: call("trifuse label", label, words), weights)
+    made = Adaptation(adapted, opened, out, adaptation, guard)
     report = made.run(lambda what: frame_progress_bar(what, delay_s=0))
     result = report.write(out, {SECTION: config.values})
     print(f"{report.table.text()}\n\n{result}\n{out / 'adapt.md'}")

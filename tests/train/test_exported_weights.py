@@ -10,15 +10,19 @@ import torch
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from export.bev import exportable_bev, random_maps
+from export.detector import DecodedDetector, random_images
 from export.onnx import to_onnx
 from perception.detection.bev.bev_map import CHANNELS, BevGrid
 from perception.detection.bev.detector import BevDetector
-from perception.detection.onnx_model import shipped_model
+from perception.detection.onnx_model import OnnxModel, shipped_model
 from perception.errors import ModelError
 from perception.sensor import VLP_16
 from tests.faults import fault
 from train.bev.networks import BevNetworkConfig, load_bev
 from train.bev.training import BevTraining
+from train.detector.config import InitialWeights
+from train.detector.initial_network import initial_network
+from train.detector.networks import DetectorNetworkConfig, load_detector
 from train.networks.bev_centers import BevCenters
 
 CONFIG = BevNetworkConfig(BevGrid(reach_m=25.6, cell_m=0.4), ("Car", "Truck"))
@@ -115,3 +119,23 @@ def test_other_files_are_refused(exported, tmp_path):
         load_bev(tmp_path / "part.onnx")
     with fault(ModelError, expected="a bev whose cell_m is 0.2", found="0.4"):
         BevTraining(weights=exported)
+
+
+def test_the_weights_of_the_camera_are_read_back():
+    network, stated = load_detector(Path(str(shipped_model("rgb_yolox"))))
+    assert stated["classes"] == "Car,Van,Truck,Pedestrian,Cyclist"
+    images = random_images(1, (3, 64, 96), np.random.default_rng(2))
+    with torch.no_grad():
+        boxes_px, scores = DecodedDetector(network)(torch.from_numpy(images))
+    expected = OnnxModel(shipped_model("rgb_yolox"), threads=1)({"images": images})
+    np.testing.assert_allclose(boxes_px, expected["boxes_px"], atol=0.01)
+    np.testing.assert_allclose(scores, expected["scores"], atol=1e-5)
+    weights = InitialWeights(checkpoint=Path(str(shipped_model("rgb_yolox"))))
+    config = DetectorNetworkConfig("rgb", ("Car",), network="yolox-nano")
+    with fault(ModelError, "rgb_yolox.onnx", expected="a detector whose classes is Car"):
+        initial_network(config, weights)
+
+
+def test_batch_norm_of_a_detector_does_not_come_back():
+    with fault(ModelError, "dm_compact.onnx", found="others (network: expected yolox-nano"):
+        load_detector(Path(str(shipped_model("dm_compact"))))

@@ -8,9 +8,9 @@ from typing import Any, Self
 from data.samples.bev.dataset import BevConfig
 from perception.detection.bev.bev_map import CHANNELS, EDGES_M, BevGrid
 from perception.detection.bev.boxes import STRIDE
-from train.bev.exported_weights import load_exported
 from train.checkpoint_writer import require_same
 from train.checkpoints import Content, load_network
+from train.exported_weights import load_exported
 from train.networks.bev_centers import BevCenters
 
 MODEL = "bev"  # kind of model in checkpoints and model files
@@ -99,5 +99,7 @@ def load_bev(file: Path) -> tuple[BevCenters, dict[str, str]]:
         }
 
     if file.suffix == ".onnx":
-        return load_exported(file, MODEL, of_stated)
+        network, stated = load_exported(file, MODEL, of_stated)
+        network.trunk.blocks.weight.data /= network.trunk.scale  # the file's are of whole numbers
+        return network, stated
     return load_network(file, MODEL, make)

@@ -65,7 +65,7 @@ class InitialWeights:
     """Weights that a training starts from, at most one of them; else random weights.
 
     Attributes:
-        checkpoint: Checkpoint of a training of the same network on other images.
+        checkpoint: Checkpoint, or model file of yolox-nano, of a training of the same network on other images.
         darknet: Weight file of Darknet for yolov2, such as darknet19_448.conv.23 or a whole detector's.
         public: Public ONNX file of YOLOX-nano, for network yolox-nano of modality rgb.
         backbone: File of a torchvision classifier's state_dict, or the word download.

@@ -10,7 +10,7 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 
 from perception.errors import ModelError, UsageError
-from train.checkpoint_writer import require_same_network
+from train.checkpoint_writer import require_same
 from train.detector.config import InitialWeights
 from train.detector.darknet_weights import init_from_darknet
 from train.detector.networks import (
@@ -129,18 +129,20 @@ def _of_classes(public: Tensor, fresh: Tensor, class_names: Sequence[str]) -> Te
     return torch.stack(rows)
 
 
-def initial_network(config: DetectorNetworkConfig, weights: InitialWeights) -> YoloDetector:
-    """Return the network with its initial weights.
+def initial_network(
+    config: DetectorNetworkConfig, weights: InitialWeights
+) -> tuple[YoloDetector, Mapping[str, str]]:
+    """Return the network with its initial weights, and what the file of a trained network states.
 
     Raises:
         ModelError: weights cannot be read, or are of another network.
         UsageError: the network does not take weights of this kind.
     """
     if weights.checkpoint is not None:
-        stated = {"model": MODEL, **config.metadata}
-        require_same_network(weights.checkpoint, stated, IDENTITY)
-        trained, _ = load_detector(weights.checkpoint)
-        return trained.train()
+        trained, stated = load_detector(weights.checkpoint)
+        required = {"model": MODEL, **config.metadata}
+        require_same(weights.checkpoint, required, stated, IDENTITY)
+        return trained.train(), stated
     network, name = make_detector(config), config.network
     if weights.darknet is not None:
         if not isinstance(network, YOLOv2):
@@ -157,4 +159,4 @@ def initial_network(config: DetectorNetworkConfig, weights: InitialWeights) -> Y
             where = "--model.weights.backbone"
             raise UsageError(where, expected="a classifier of torchvision", found=name)
         init_from_classifier(network, name, weights.backbone)
-    return network
+    return network, {}

@@ -10,6 +10,7 @@ from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS
 from perception.errors import UsageError
 from train.checkpoints import Content, load_network
+from train.exported_weights import load_exported
 from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
@@ -88,18 +89,29 @@ def make_detector(config: DetectorNetworkConfig) -> YoloDetector:
     )
 
 
-def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
+def load_detector(file: Path) -> tuple[YoloDetector, dict[str, str]]:
     """Return a trained network in evaluation mode, and the metadata of its model file.
 
+    Args:
+        file: Checkpoint, or model file of yolox-nano; batch norm, which the others have, does not come back from a file.
+
     Raises:
-        ModelError: the checkpoint is damaged, or of another kind of network.
+        ModelError: the file is damaged, or of another kind of network.
     """
 
     def make(content: Content) -> tuple[YoloDetector, dict[str, str]]:
         config = DetectorNetworkConfig.from_metadata(content["hyper_parameters"])
         return make_detector(config), config.metadata
 
-    detector, metadata = load_network(checkpoint, MODEL, make)
+    def of_file(stated: Mapping[str, str]) -> YoloDetector:
+        config = DetectorNetworkConfig.from_metadata(stated)
+        if config.network != "yolox-nano":
+            raise UsageError("network", expected="yolox-nano", found=config.network)
+        return make_detector(config)
+
+    if file.suffix == ".onnx":
+        return load_exported(file, MODEL, of_file, "detector.")
+    detector, metadata = load_network(file, MODEL, make)
     anchors = anchors_text(detector)
     return detector, metadata | ({"anchors": anchors} if anchors else {})
 

@@ -21,7 +21,7 @@ from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections, Fit, MapFilling, Modality
 from train.best_epoch import Criterion, Ranking
-from train.checkpoints import program_revision, read_checkpoint
+from train.checkpoints import program_revision
 from train.detector.anchor_free_loss import anchor_free_loss
 from train.detector.anchors import fit_anchors
 from train.detector.config import (
@@ -141,13 +141,12 @@ class DetectorTraining(LightningModule):
         self.loss_config, self.seed = loss, seed
         self.optimizer, self.lr_scheduler = optimizer, lr_scheduler
         # The meaning of a checkpoint's weights depends on its anchors.
-        made = initial_network(self.image, weights)
+        made, learned = initial_network(self.image, weights)
         has_anchors = len(made.head.anchors_px) > 0
         self.fits_anchors = has_anchors and anchors == "auto" and weights.checkpoint is None
         # On a CPU with bfloat16 this takes half the time of the default layout.
         self.network = made.to(memory_format=torch.channels_last)
         if weights.checkpoint is not None:
-            learned = read_checkpoint(weights.checkpoint, MODEL)["hyper_parameters"]
             # The data module adds the frames of this training.
             self.hparams.update({ENTRY: learned.get(ENTRY, UNKNOWN)})
         self._distillation = Distillation(self.network, distillation)

@@ -155,7 +155,7 @@ def of_whole_numbers(network: BevCenters) -> BevCenters:
     return changed
 
 
-def fold(network: BevCenters) -> None:
+def fold(network: nn.Module) -> None:
     """Make every normalisation the identity, for weights into which it is folded."""
     for norm in _norms(network):
         norm.reset_parameters()

@@ -1,13 +1,13 @@
 """Scans of drives on disk as maps from above, in batches, for Lightning."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from data.array_store import ArrayStore
-from data.label_proposals.proposed_labels import ProposedLabels
+from data.label_proposals.proposed_labels import read_proposals
 from data.samples.bev.config import BevDataConfig
 from data.samples.bev.dataset import BevConfig, BevDataset, collate
 from data.samples.bev.labelled_scans import LabelledScans
@@ -56,8 +56,7 @@ class BevDataModule(SampleDataModule[LabelledScans, BevDataset]):
         sources = TrainingDrives(tuple(drives), tuple(validation), split)
         super().__init__(sources, BevDataConfig(**config), seed)
         self.bev = bev
-        read = {name: ProposedLabels(folder) for name, folder in (proposals or {}).items()}
-        self._proposals: Mapping[str, ProposedLabels] = read
+        self._proposals = read_proposals(proposals)
 
     def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledScans:
         return LabelledScans(drives, self.bev.grid, store, self._proposals)

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from data.derived.motion_labels import LabelledAround, require_located
 from data.frame_fingerprint import code_fingerprint
 from data.kitti.labels import empty_labels, read_object_labels, read_tracking_labels
 from data.kitti.objects import ObjectFrames
-from data.label_proposals.proposed_labels import ProposedLabels
+from data.label_proposals.proposed_labels import NO_PROPOSALS, ProposedLabels
 from data.labelled_objects import box_owners
 from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
@@ -37,7 +36,6 @@ from perception.types import (
     Labels,
 )
 
-_NONE: Mapping[str, ProposedLabels] = MappingProxyType({})
 _ALL_AROUND, _NOWHERE = (0.0, np.pi), (0.0, -1.0)
 
 
@@ -81,7 +79,7 @@ class LabelledScans(CachedFrames):
         drives: Sequence[Drive],
         grid: BevGrid,
         store: ArrayStore,
-        proposals: Mapping[str, ProposedLabels] = _NONE,
+        proposals: Mapping[str, ProposedLabels] = NO_PROPOSALS,
     ) -> None:
         """Number the scans.
 

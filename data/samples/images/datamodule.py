@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from data.array_store import ArrayStore
+from data.label_proposals.proposed_labels import read_proposals
 from data.samples.config import TrainingDrives
 from data.samples.datamodule import SampleDataModule
 from data.samples.epoch_samplers import EpochSampler, ShuffledSampler
@@ -36,7 +37,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
     training: Samples
     collate = staticmethod(collate)
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the flags of a group
         self,
         drives: Sequence[Path] = (),
         validation: Sequence[Path] = (),
@@ -44,6 +45,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         split: Path | None = None,
         shards: Sequence[str] = (),
         image: ImageConfig = _IMAGE,
+        proposals: dict[str, Path] | None = None,
         seed: int = 0,
         **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
     ) -> None:
@@ -55,12 +57,14 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
             split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
             shards: Folders or URLs of shards, as `trifuse shards` writes them, that train in place of drives.
             image: Input of the network.
+            proposals: Folders of `trifuse label` by the name of a drive, whose proposals in the image are learned in place of
+                its labels: {"0000": "my_labels"}.
             seed: Seed of split, order and augmentation.
             config: Fields of `ImageDataConfig`.
         """
         sources = TrainingDrives(tuple(drives), tuple(validation), split, tuple(shards))
         super().__init__(sources, ImageDataConfig(**config), seed)
-        self.image = image
+        self.image, self._proposals = image, read_proposals(proposals)
 
     def prepare_data(self) -> None:
         """Validate the classes, then fill the cache; with several GPUs, in one process only.
@@ -77,7 +81,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         super().prepare_data()
 
     def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledImages:
-        return LabelledImages(drives, self.image, store)
+        return LabelledImages(drives, self.image, store, self._proposals)
 
     def _fill_cache(self, frames: LabelledImages) -> None:
         self._readable(frames, self.progress(range(len(frames))), is_logged=False)

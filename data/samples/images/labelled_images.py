@@ -1,14 +1,22 @@
 """Labelled frames as input images of one modality, with their targets."""
 
 import logging
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from data.array_store import Arrays, ArrayStore
-from data.frames import file_number
+from data.frames import file_number, frame_name
+from data.label_proposals.proposed_labels import NO_PROPOSALS, ProposedLabels
+from data.labels_in_view import labels_of_camera
+from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
 from data.samples.images.input_images import ImageConfig, image_settings, make_images
 from data.samples.images.targets import DetectionTargets, detection_targets, labels_within_image
 from perception.detection.detectors.network_input import ImagePlacement, PixelRectangle
+from perception.errors import CalibrationError
 from perception.types import Drive, Labels, UInt8
 
 log = logging.getLogger(__name__)
@@ -17,16 +25,23 @@ log = logging.getLogger(__name__)
 class LabelledImages(CachedFrames):
     """Frames of some drives; the input images of each are cached."""
 
-    def __init__(self, drives: Sequence[Drive], config: ImageConfig, store: ArrayStore) -> None:
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        config: ImageConfig,
+        store: ArrayStore,
+        proposals: Mapping[str, ProposedLabels] = NO_PROPOSALS,
+    ) -> None:
         """Number the frames.
 
         Args:
             drives: Drives with labels, and with images or the camera's calibration as the modality needs.
             config: Input of the network.
             store: Cache of the images.
+            proposals: Proposed labels by the name of a drive, in place of its own.
         """
         super().__init__(drives, store)
-        self.config = config
+        self.config, self.proposals = config, proposals
         self._settings = image_settings(config)
         self._sizes_px: dict[int, tuple[int, int]] = {}
         self._regions: dict[int, PixelRectangle] = {}
@@ -71,7 +86,7 @@ class LabelledImages(CachedFrames):
         """
         if number not in self._labels:
             drive, index = self.place(number)
-            labels, left_out = labels_within_image(drive.labels(index), self.size_px(number))
+            labels, left_out = labels_within_image(self._labels_of(number), self.size_px(number))
             if left_out:
                 log.warning(
                     "%s frame %d: left out %d labels without an area within the image",
@@ -81,6 +96,16 @@ class LabelledImages(CachedFrames):
                 )
             self._labels[number] = labels
         return self._labels[number]
+
+    def label_types(self) -> Counter[str]:
+        """Return the number of labels of each type; of proposals, all around."""
+        counts = Counter[str]()
+        for number in range(len(self)):
+            drive, index = self.place(number)
+            proposed = self.proposals.get(drive.name)
+            around = proposed.at(frame_name(drive, index)) if proposed else drive.labels(index)
+            counts.update([] if around is None else around.types.astype(str).tolist())
+        return counts
 
     def targets(self, number: int) -> DetectionTargets:
         """Return the targets in the input image of a frame, in pixels of the input.
@@ -111,3 +136,19 @@ class LabelledImages(CachedFrames):
         return self.cached(
             number, self._what, self._settings, lambda frame: make_images(frame, self.config)
         )
+
+    def _labels_of(self, number: int) -> Labels:
+        """Return the labels of a frame; of proposals those in view, DontCare where they are of no class of the network."""
+        drive, index = self.place(number)
+        if (proposed := self.proposals.get(drive.name)) is None:
+            return drive.labels(index)
+        assert isinstance(drive, RecordedDrive)  # which has proposals
+        if drive.calibration is None:
+            expected = "the calibration of the camera, which shows where proposals are"
+            raise CalibrationError(drive.root, expected=expected, found="none")
+        sized = replace(drive.calibration, image_size_px=self.size_px(number))
+        around = proposed.at(drive.frame_names[index])
+        found = labels_of_camera(around, replace(drive, calibration=sized), index)
+        is_class = np.isin(found.types, self.config.class_names)
+        regions_px = np.concatenate([found.dont_care_px, found.boxes_px[~is_class]])
+        return replace(found[is_class], dont_care_px=regions_px)

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
+from data.label_proposals.proposals import Proposal, ProposalFile
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.open_drive import open_drive
 from data.samples.images import labelled_images
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
     fill_maps,
@@ -23,8 +26,10 @@ from perception.detection.detectors.modalities import (
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.network_input import PixelRectangle, place, prepare_image
 from perception.errors import ImageError, LabelError, ScanError, UsageError
+from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import project_frame
-from perception.types import MODALITIES, MapFilling, Modality
+from perception.sensor import VLP_16
+from perception.types import MODALITIES, Boxes3D, MapFilling, Modality
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.data.samples.images.conftest import SMALL
 from tests.detection.bright_cells import bright_cells
@@ -254,3 +259,35 @@ def test_real_frames_in_all_views(kitti_root: Path, store: ArrayStore):
         assert 368 < height < 378
         assert (labels.boxes_px >= 0).all()
         assert (labels.boxes_px <= [640, 192, 640, 192]).all()
+
+
+def test_proposals_are_labels_of_the_image(tmp_path: Path, store: ArrayStore):
+    [folder] = write_drives(tmp_path / "drive", SynthConfig("tracking", 1, sensor=VLP_16, seed=4))
+    drive = open_drive(folder)
+    kinds = {1: ("Car", 0.9), 2: ("Bus", 0.9), 3: ("Car", 0.2), 4: ("Car", 0.9)}
+    places_m = {
+        1: (10.0, 3.0),
+        2: (20.0, -4.0),
+        3: (12.0, -3.0),
+        4: (-10.0, 0.0),
+    }  # the last is behind
+    proposals = [
+        Proposal(
+            number, kind, confidence, False, np.zeros(1, np.int64),
+            Boxes3D(np.array([[*places_m[number], -1.7]]), np.array([[4.0, 1.8, 1.5]]), np.zeros(1)),
+            np.full(1, 9), 0,
+        )
+        for number, (kind, confidence) in kinds.items()
+    ]  # fmt: skip
+    ProposalFile(proposals, {0: np.eye(4)}, {0: drive.frame_names[0]}).write(tmp_path)
+    images = LabelledImages(
+        [drive], ImageConfig("rgb", ("Car", "Van")), store, {drive.name: ProposedLabels(tmp_path)}
+    )
+    found = images.labels(0)
+    assert images.label_types() == {"Car": 2, "Bus": 1, "DontCare": 1}
+    assert found.types.tolist() == ["Car"]
+    calibration, size_px = drive.frame_calibration(0, drive.image(0)), images.size_px(0)
+    expected_px = box_outlines_px(calibration.image_P_velo, proposals[0].boxes_world, size_px)
+    np.testing.assert_allclose(found.boxes_px, expected_px)
+    assert len(found.dont_care_px) == 2  # of another class, and unsure
+    assert images.targets(0).is_ignored.tolist().count(True) >= 2

@@ -1,12 +1,12 @@
-"""Weights of the bird's-eye view read back from a model file, in full precision or of 8 bits.
+"""Weights of a network read back from its model file, in full precision or of 8 bits.
 
-An export folds the normalisation into the convolution before it. Read back, the convolution has what is in the file, and the
-normalisation is the identity but for its bias; `BevCenters` does not train its statistics.
+An export folds a normalisation into the convolution before it. Read back, the convolution has what is in the file, and the
+normalisation is the identity but for its bias; a network that has one may not train its statistics.
 """
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import onnx
@@ -16,20 +16,22 @@ from torch import Tensor, nn
 
 from perception.errors import ModelError, UsageError
 from perception.types import Float32
-from train.networks.bev_centers import BevCenters, fold
+from train.networks.bev_centers import fold
 
+Network = TypeVar("Network", bound=nn.Module)
 _DEQUANTIZED = "_DequantizeLinear_Output"  # suffix of weights, which quantization adds
 
 
 def load_exported(
-    file: Path, kind: str, make: Callable[[Mapping[str, str]], BevCenters]
-) -> tuple[BevCenters, dict[str, str]]:
+    file: Path, kind: str, make: Callable[[Mapping[str, str]], Network], prefix: str = ""
+) -> tuple[Network, dict[str, str]]:
     """Return the network of a model file in evaluation mode, and the metadata that the file states.
 
     Args:
         file: Model file.
         kind: Kind of model, its entry `kind`.
         make: Function from metadata to a network with random weights.
+        prefix: What the names of its weights begin with in the file.
 
     Raises:
         ModelError: the file is missing, damaged, or of another network.
@@ -45,7 +47,7 @@ def load_exported(
         raise ModelError(file, expected=expected, found=f"one of {stated.get('kind')}")
     try:
         network = make(stated)
-        network.load_state_dict(_state(network, _layers(model.graph)))
+        network.load_state_dict(_state(network, _layers(model.graph), prefix))
     except (KeyError, RuntimeError, TypeError, UsageError, ValueError) as error:
         found = f"others ({str(error).splitlines()[0]})"
         raise ModelError(file, expected=f"weights of this {kind}", found=found) from error
@@ -76,18 +78,17 @@ def _layers(graph: onnx.GraphProto) -> dict[str, _Layer]:
     return layers
 
 
-def _state(network: BevCenters, layers: Mapping[str, _Layer]) -> dict[str, Tensor]:
+def _state(network: nn.Module, layers: Mapping[str, _Layer], prefix: str) -> dict[str, Tensor]:
     """Return the state of a network by the layers of its exported file."""
     fold(network)
     state = network.state_dict()
     for name, module in network.named_modules():
         if isinstance(module, nn.BatchNorm2d):
-            layer = layers[f"{name.rpartition('.')[0]}.0.weight"]
+            layer = layers[f"{prefix}{name.rpartition('.')[0]}.0.weight"]
             state[f"{name}.bias"] = torch.tensor(layer.bias)
         elif isinstance(module, nn.Conv2d | nn.Linear):
-            layer = layers[f"{name}.weight"]
+            layer = layers[f"{prefix}{name}.weight"]
             state[f"{name}.weight"] = torch.tensor(layer.weight)
             if module.bias is not None:
                 state[f"{name}.bias"] = torch.tensor(layer.bias)
-    state["trunk.blocks.weight"] /= network.trunk.scale  # of maps of whole numbers
     return state
