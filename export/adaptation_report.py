@@ -14,7 +14,7 @@ from perception.evaluation.report import Metric, Metrics, Table
 from perception.render.bar_plots import plot_groups
 
 KEPT, MEAN = "kept apart", "mean"
-_MIN_LABELS = 50  # of a class whose precision is known to a few points
+_MIN_LABELS = 50  # by which a precision is known to a few points
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,10 @@ class AdaptationReport:
     @property
     def reasons(self) -> list[str]:
         """Why they are not, in words."""
-        gain = self.sets[KEPT][MEAN].gain
-        found = [f"{KEPT} gains {gain:+.1f}"] if gain <= 0 else []
+        kept = self.sets[KEPT][MEAN]
+        found = [f"{KEPT} gains {kept.gain:+.1f}"] if kept.gain <= 0 else []
+        if kept.labels < _MIN_LABELS:
+            found.append(f"{KEPT} has {kept.labels} labels, {_MIN_LABELS} are needed")
         return found + [f"{name} loses {points:.1f}" for name, points in self.lost.items()]
 
     @property

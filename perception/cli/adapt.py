@@ -29,7 +29,7 @@ def adapt(
     """Train a detector further on your drives, from above or of the camera; keep it only where it is better.
 
     A drive without labels is learned from proposals, which are made in OUT/labels/NAME; a review.json that is saved there
-    counts. The same command goes on where it was stopped. The last line names the flag that runs the model file.
+    counts. A stopped command goes on. OUT/bev_centers.onnx is for --pipeline.detection.bev-model, rgb_yolox.onnx for rgb-model.
 
     Example: trifuse adapt my_drive --out my_weights
 

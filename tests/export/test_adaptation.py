@@ -167,13 +167,13 @@ def precision(gain, labels=10):
 
 def test_weights_are_used_where_they_are_better_and_nothing_is_lost():
     report = AdaptationReport(
-        "AP", {KEPT: {MEAN: precision(2.0)}, "synthetic": {MEAN: precision(-0.9)}}, ["synthetic"], 1.0, 0.4
+        "AP", {KEPT: {MEAN: precision(2.0, labels=50)}, "synthetic": {MEAN: precision(-0.9)}}, ["synthetic"], 1.0, 0.4
     )  # fmt: skip
     assert report.is_better
     lost = replace(report, max_lost=0.5)
     assert lost.reasons == ["synthetic loses 0.9"]
-    same = replace(report, sets={**report.sets, KEPT: {MEAN: precision(0.0)}})
-    assert same.reasons == ["kept apart gains +0.0"]
+    same = replace(report, sets={**report.sets, KEPT: {MEAN: precision(0.0, labels=49)}})
+    assert same.reasons == ["kept apart gains +0.0", "kept apart has 49 labels, 50 are needed"]
     few = [precision(3.0, labels=30), precision(-1.0, labels=10)]
     mean = AdaptedPrecision.mean(few)
     assert (mean.labels, mean.gain) == (40, pytest.approx(2.0))

@@ -3,18 +3,29 @@
 import json
 import logging
 
+import pytest
+
 from perception.cli.main import main
 from tests.data.box_labels import writers
 
 
+# By the name that `adopt` prints.
+FORMS = {
+    "labelCloud": writers.labelcloud, "SUSTechPOINTS": writers.sustechpoints, "KITTI": writers.kitti_lidar,
+    "OpenLABEL": writers.openlabel, "Datumaro": writers.datumaro, "Supervisely": writers.supervisely,
+    "tracklets": writers.tracklets, "nuScenes": writers.nuscenes_tables,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_a_lidar_only_drive_is_adopted_trained_and_evaluated(
-    drive_folder, tmp_path, capsys, caplog
+    form, drive_folder, tmp_path, capsys, caplog
 ):
     root, out = drive_folder(frames=10), tmp_path / "out"
-    writers.labelcloud(root, 10)
+    FORMS[form](root, 10)
     (root / "drive.yaml").unlink()
     assert main(["adopt", str(root), "--sensor", "HDL-32E", "--height", "2"]) == 0
-    assert "labelCloud" in capsys.readouterr().out
+    assert form in capsys.readouterr().out
     flags = (
         "--model.reach-m 25.6 --model.cell-m 0.4 --trainer.accelerator cpu --data.cache-workers 1"
     )
