@@ -8,7 +8,6 @@ import pytest
 from perception.cli.main import main
 from tests.data.box_labels import writers
 
-
 # By the name that `adopt` prints.
 FORMS = {
     "labelCloud": writers.labelcloud, "SUSTechPOINTS": writers.sustechpoints, "KITTI": writers.kitti_lidar,
