@@ -30,7 +30,7 @@ from export.adaptation_report import KEPT, MEAN, AdaptationReport, AdaptedPrecis
 from export.adapted_bev import AdaptedBev
 from export.adapted_detector import AdaptedDetector
 from export.adapted_drives import AdaptedDrive
-from export.adapted_network import SENSORS, AdaptedNetwork, ClassPrecision
+from export.adapted_network import SENSORS, AdaptedNetwork, MeasuredClass
 from export.onnx import Exportable
 from export.variants import Network, torch_runner
 from perception.atomic_file import write_atomically
@@ -48,7 +48,7 @@ _MEASURED_SCANS = 120  # of a set, evenly spread
 _BATCH, _DECAY = 8, 0.99
 OWN_LABELS, SYNTHETIC = f"{KEPT}, own labels", "synthetic"
 SPLIT, _SYNTHETIC = "split.json", "synthetic"
-Precision = dict[str, dict[str, ClassPrecision]]  # by set and class
+Precision = dict[str, dict[str, MeasuredClass]]  # by set and class
 NETWORKS: Mapping[str, type[AdaptedNetwork[Any]]] = {"bev": AdaptedBev, "rgb": AdaptedDetector}
 
 

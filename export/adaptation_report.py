@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from data.results.documents import describe_machine, write_json
-from export.adapted_network import ClassPrecision
+from export.adapted_network import MeasuredClass
 from perception.atomic_file import write_atomically
 from perception.evaluation.report import Metric, Metrics, Table
 from perception.render.bar_plots import plot_groups
@@ -41,7 +41,7 @@ class AdaptedPrecision(Metrics):
         return self.mean_after - self.mean_before
 
     @classmethod
-    def of(cls, before: ClassPrecision, after: ClassPrecision) -> "AdaptedPrecision":
+    def of(cls, before: MeasuredClass, after: MeasuredClass) -> "AdaptedPrecision":
         """Return the precision of a class."""
         values = (100 * one for one in (before.ap, after.ap, before.mean_ap, after.mean_ap))
         # What is detected in no frame states no labels.

@@ -11,7 +11,7 @@ from data.recorded_drive import RecordedDrive
 from data.samples.bev.dataset import BevConfig, BevDataset
 from data.samples.bev.labelled_scans import LabelledScans
 from data.synthetic.collection import SynthConfig
-from export.adapted_network import AdaptedNetwork, ClassPrecision, Costs
+from export.adapted_network import AdaptedNetwork, Costs, MeasuredClass
 from export.bev import QUANTIZATION, exportable_network, measure_networks
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
@@ -94,12 +94,10 @@ class AdaptedBev(AdaptedNetwork[BevDataset]):
 
     def measure(
         self, networks: Mapping[str, Network], samples: BevDataset, progress: Progress
-    ) -> dict[str, dict[str, ClassPrecision]]:
+    ) -> dict[str, dict[str, MeasuredClass]]:
         """Return the precision of centres."""
         measured = measure_networks(networks, samples, self._detector, progress)
         return {
-            name: {
-                kind: ClassPrecision(one.labels, one.ap, one.mean_ap) for kind, one in of.items()
-            }
+            name: {kind: MeasuredClass(one.labels, one.ap, one.mean_ap) for kind, one in of.items()}
             for name, of in measured.items()
         }

@@ -12,7 +12,7 @@ from data.recorded_drive import RecordedDrive
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.synthetic.collection import SynthConfig
-from export.adapted_network import SENSORS, AdaptedNetwork, ClassPrecision, Costs
+from export.adapted_network import SENSORS, AdaptedNetwork, Costs, MeasuredClass
 from export.detector import detect_images, exportable_network, random_images
 from export.onnx import Exportable, to_onnx
 from export.variants import Network, fastest_ms
@@ -31,7 +31,7 @@ _IOUS = (0.5, 0.6, 0.7)  # boxes projected from 3D are larger than those that ar
 _LEVEL = DIFFICULTIES[-1]  # nearly all that a training learns
 
 
-class LabelledFrames(NamedTuple):
+class ImageSamples(NamedTuple):
     """Some frames whose images are labelled.
 
     Attributes:
@@ -43,7 +43,7 @@ class LabelledFrames(NamedTuple):
     numbers: Int
 
 
-class AdaptedDetector(AdaptedNetwork[LabelledFrames]):
+class AdaptedDetector(AdaptedNetwork[ImageSamples]):
     """The detector of camera images: full precision, the labels of the main camera's image, synthetic streets beside it."""
 
     kind, training = DETECTOR, "yolox"
@@ -105,20 +105,20 @@ class AdaptedDetector(AdaptedNetwork[LabelledFrames]):
         """Return a network with the metadata of its model file, which takes as many pixels as the first one."""
         return exportable_network(network, metadata, self._detector.size)
 
-    def content(self, exportable: Exportable, examples: LabelledFrames) -> bytes:
+    def content(self, exportable: Exportable, examples: ImageSamples) -> bytes:
         """Return the model file in full precision."""
         return to_onnx(exportable)
 
     def samples(
         self, drives: Sequence[RecordedDrive], count: int, proposals: Mapping[str, ProposedLabels]
-    ) -> LabelledFrames:
+    ) -> ImageSamples:
         """Return images of drives."""
         images = LabelledImages(drives, self._image, ArrayStore(), proposals)
-        return LabelledFrames(images, images.spread(count))
+        return ImageSamples(images, images.spread(count))
 
     def measure(
-        self, networks: Mapping[str, Network], samples: LabelledFrames, progress: Progress
-    ) -> dict[str, dict[str, ClassPrecision]]:
+        self, networks: Mapping[str, Network], samples: ImageSamples, progress: Progress
+    ) -> dict[str, dict[str, MeasuredClass]]:
         """Return the precision of boxes, as KITTI's protocol counts them at its hardest level."""
         images = (_image(samples.images, number) for number in progress(samples.numbers.tolist()))
         truths, found, frames = detect_images(networks, images, self._detector)
@@ -143,10 +143,10 @@ def _image(images: LabelledImages, number: int) -> tuple[UInt8, Labels]:
     return image, images.labels(number)
 
 
-def _precision(curves: Sequence[ClassCurves]) -> ClassPrecision:
+def _precision(curves: Sequence[ClassCurves]) -> MeasuredClass:
     """Return the precision of a class by its curves at each overlap, which are empty where nothing is detected."""
     known = [one[_LEVEL.name] for one in curves if one]
     if not known:
-        return ClassPrecision(0, 0.0, 0.0)
+        return MeasuredClass(0, 0.0, 0.0)
     aps = [one.ap() / 100 for one in known]
-    return ClassPrecision(known[0].truths, aps[0], float(np.mean(aps)))
+    return MeasuredClass(known[0].truths, aps[0], float(np.mean(aps)))

@@ -20,7 +20,7 @@ Samples = TypeVar("Samples")
 SENSORS = 3  # for each of which synthetic scans are made
 
 
-class ClassPrecision(NamedTuple):
+class MeasuredClass(NamedTuple):
     """Precision of one class in some frames.
 
     Attributes:
@@ -133,5 +133,5 @@ class AdaptedNetwork(ABC, Generic[Samples]):
     @abstractmethod
     def measure(
         self, networks: Mapping[str, Network], samples: Samples, progress: Progress
-    ) -> dict[str, dict[str, ClassPrecision]]:
+    ) -> dict[str, dict[str, MeasuredClass]]:
         """Return the precision of some networks by their name and class."""

@@ -26,6 +26,7 @@ from perception.types import Boxes3D, Float64, Progress, Result, UInt8
 
 # Of the boxes whose returns are counted, and of the cells on the ground by which they are.
 _REACH_M, _CELL_M, _MARGIN_M = 100.0, 0.1, 0.1
+_GROUND_M = 0.15  # above a box's bottom, below which returns may be of the ground
 
 
 class ProposalWriter(Restorable, ResultWriter):
@@ -81,7 +82,9 @@ class ProposalWriter(Restorable, ResultWriter):
         order = np.argsort(np.where(is_near, boxes.size_m.prod(axis=1), np.inf))[: is_near.sum()]
         columns = np.column_stack([boxes.bottom_m, boxes.size_m, boxes.yaw_rad])[order]
         points = np.ascontiguousarray(self._drive.scan(frame).points_velo)
-        owners = owners_in_boxes(points, np.ascontiguousarray(columns), _CELL_M, _MARGIN_M, 0.0)
+        owners = owners_in_boxes(
+            points, np.ascontiguousarray(columns), _CELL_M, _MARGIN_M, _GROUND_M
+        )
         counts = np.bincount(owners[owners >= 0], minlength=len(order))
         for row, count in zip(order.tolist(), counts.tolist(), strict=True):
             present[row][0].points[frame] = count
