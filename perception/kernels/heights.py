@@ -162,37 +162,6 @@ def sums_of_cells(
     return sums, has_obstacle
 
 
-@compiled((_POINTS_64, NUMBER, WHOLE))
-def robust_plane(points: Float64, level_m: float, rounds: int) -> Float64:
-    """Fit z = p x + q y + r to (N, 3) low points, starting from level ground, as (p, q, r).
-
-    The scale of the robust weights (Geman-McClure) grows with range, as slopes do, and shrinks round by round. Level
-    ground counts as if it were observed once.
-    """
-    p, q, r = 0.0, 0.0, level_m
-    for number in range(rounds):
-        xx, xy, x1, yy, y1, one = 30.0, 0.0, 0.0, 30.0, 0.0, 1.0
-        xz, yz, z1 = 0.0, 0.0, level_m
-        for row in range(len(points)):
-            x, y, z = points[row]
-            misfit_m = z - (p * x + q * y + r)
-            scale_m = max(0.08, (0.25 + 0.06 * np.sqrt(x * x + y * y)) * 0.7**number)
-            if misfit_m < 0:
-                scale_m *= 2
-            weight = 1 / (1 + (misfit_m / scale_m) ** 2) ** 2
-            xx, xy, x1 = xx + weight * x * x, xy + weight * x * y, x1 + weight * x
-            yy, y1, one = yy + weight * y * y, y1 + weight * y, one + weight
-            xz, yz, z1 = xz + weight * x * z, yz + weight * y * z, z1 + weight * z
-        # Cramer's rule on the symmetric 3 x 3 system.
-        a, b, c = yy * one - y1 * y1, x1 * y1 - xy * one, xy * y1 - yy * x1
-        d, e, f = xx * one - x1 * x1, xy * x1 - xx * y1, xx * yy - xy * xy
-        determinant = xx * a + xy * b + x1 * c
-        p = (a * xz + b * yz + c * z1) / determinant
-        q = (b * xz + d * yz + e * z1) / determinant
-        r = (c * xz + e * yz + f * z1) / determinant
-    return np.array([p, q, r])
-
-
 @compiled((_POINTS_64, _VALUES, _VALUES, (NUMBER, NUMBER), _GRID, written(np.float64, 2)))
 def add_normal_equations(
     points: Float64,

@@ -1,8 +1,8 @@
 """The default ground: one smooth surface of heights, fitted robustly, coarse to fine.
 
-1. A plane is fitted to the lowest points of small cells, then a stiff surface that bends with the road but not
-   around a car.
-2. All points near the stiff surface are averaged by small cells, and a flexible surface is fitted to
+1. A coarse surface is fitted to the lowest points of small cells, round by round less stiff and with less weight for
+   what is far from it: level ground below the sensor bends down and up the banks of the road, but not around a car.
+2. All points near the coarse surface are averaged by small cells, and a flexible surface is fitted to
    the averages: it follows camber, crests and kerbs.
 3. Averages of earlier scans fill the gaps of the newest: behind obstacles, close to the vehicle, and between the
    beams of a sparse sensor.
@@ -24,7 +24,6 @@ from perception.kernels.heights import (
     lowest_of_cells,
     moved_samples,
     points_over_cells,
-    robust_plane,
     sums_of_cells,
 )
 from perception.localization.scan_window import PosedScan, ScanWindow
@@ -37,18 +36,18 @@ _MARGIN_M = 3.0  # reach of the surface beyond the local area
 # A wider area than this has a whole number of cells in one, of which at most 22 are across, and the cells themselves nearby.
 _MAX_CELLS_ACROSS, _WIDE_CELLS_ACROSS = 40, 22
 _NEARBY = MOVING_OBJECT_AREA
-_WIDE_STEP = 4  # of the remembered averages to which the stiff surface is fitted then
+_WIDE_STEP = 4  # of the remembered averages to which the coarse surface is fitted then
 _SAMPLE_M = 0.5  # edge of the cells in which points are averaged
 _FULL_COUNT = 5  # points from which on a cell's average has full weight
-_PLANE_ROUNDS = 12
-_PLANE_SAMPLE = 1200  # points are plenty for three numbers
 
 # Mean slope of the ground seen from the sensor, and by how much its height over the ground differs from its mounting.
 _MAX_SLOPE, _MAX_STEP_M = 0.15, 0.5
-# Of the coarse surface, and of the fine one. The coarse one's nodes are twice as far apart: 25 there is 100 here.
-_STIFFNESS, _FINE_STIFFNESS = 25.0, 0.3
-# Scales of the robust fits, round by round; low points are ground rather than obstacle, and have twice the scale.
-_SCALES_M, _FINE_SCALE_M, _LOW_SCALE_RATIO = (0.3, 0.15, 0.1), 0.15, 2.0
+# Rounds of the coarse surface: the scale of residuals beyond which a sample loses its weight, and the stiffness, the square
+# of a residual over that of a curvature. A stiff surface alone keeps to whatever covers most of the area, be it the land
+# below a road on a bank. Low points are ground rather than obstacle, and have a larger scale.
+_COARSE_ROUNDS: tuple[tuple[float, float], ...] = ((0.6, 100), (0.5, 10), (0.3, 3), (0.15, 1))
+_COARSE_LOW_RATIO = 3.0
+_FINE_STIFFNESS_M2, _FINE_SCALES_M = 0.3, (0.30, 0.15)  # scales below and above
 _BAND_M = 0.20  # from the coarse surface to a point that may be ground
 
 _OBSTACLE_BAND_M = (0.3, 1.5)  # heights of points that make a cell unfit for the memory
@@ -86,13 +85,13 @@ class GroundSurfaceEstimator:
         across = (high_m[1] - low_m[1]) / cell_m
         is_wide = across > _MAX_CELLS_ACROSS
         wide_m = cell_m * (np.ceil(across / _WIDE_CELLS_ACROSS) if is_wide else 2)
-        self._stiff = HeightGrid.covering(low_m, high_m, wide_m)
+        self._coarse = HeightGrid.covering(low_m, high_m, wide_m)
         self._fine = HeightGrid.covering(low_m, high_m, cell_m)
         self._nearby = _Patch.within(self._fine, *_corners(_NEARBY)) if is_wide else None
         self._samples = HeightGrid.covering(low_m, high_m, _SAMPLE_M)
         cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
-        self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
-        self._stiff_at_fine = self._stiff.bilinear(self._fine.nodes_xy_m)
+        self._coarse_at_cells = self._coarse.bilinear(cell_centers_m)
+        self._coarse_at_fine = self._coarse.bilinear(self._fine.nodes_xy_m)
         footing = _footing(sensor.height_m)
         self._footing = footing[self._cells_of(footing.points) >= 0]
         self._memories: deque[_Memory] = deque(maxlen=self._config.remembered_scans)
@@ -112,24 +111,24 @@ class GroundSurfaceEstimator:
         stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
         points, cells = points_over_cells(scan.points_velo, stride, self._samples.numbers)
         memory = self._recall(scan)
-        stiff = self._stiff_surface(self._lowest(points, cells).joined(self._thinned(memory)))
-        averages, is_clean = self._averages(points, cells, stiff)
+        coarse = self._coarse_surface(self._lowest(points, cells).joined(self._thinned(memory)))
+        averages, is_clean = self._averages(points, cells, coarse)
         samples = averages.joined(self._gaps(memory, averages))
         self._remember(averages[is_clean], scan)
-        return HeightSurface(self._fine, self._flexible_surface(samples, stiff))
+        return HeightSurface(self._fine, self._flexible_surface(samples, coarse))
 
     def _thinned(self, memory: HeightSamples) -> HeightSamples:
-        """Return fewer remembered averages of more weight where the nodes of the stiff surface are far apart."""
+        """Return fewer remembered averages of more weight where the nodes of the coarse surface are far apart."""
         step = _WIDE_STEP if self._nearby is not None else 1
         return HeightSamples(memory.points[::step], step * memory.weights[::step])
 
-    def _flexible_surface(self, samples: HeightSamples, stiff_m: Float64) -> Float64:
-        """Return the heights of the surface that follows the averages, starting from the stiff one."""
+    def _flexible_surface(self, samples: HeightSamples, coarse_m: Float64) -> Float64:
+        """Return the heights of the surface that follows the averages, starting from the coarse one."""
         if self._nearby is None:
-            start_m = self._stiff_at_fine.interpolate(stiff_m)
+            start_m = self._coarse_at_fine.interpolate(coarse_m)
             return self._flexible_fit(self._fine, samples, start_m)
-        wide_m = self._flexible_fit(self._stiff, samples, stiff_m)
-        heights_m = self._stiff_at_fine.interpolate(wide_m)
+        wide_m = self._flexible_fit(self._coarse, samples, coarse_m)
+        heights_m = self._coarse_at_fine.interpolate(wide_m)
         patch = self._nearby
         is_near = cells_of(samples.points, patch.grid.numbers) >= 0
         near_m = self._flexible_fit(patch.grid, samples[is_near], heights_m[patch.nodes])
@@ -137,9 +136,12 @@ class GroundSurfaceEstimator:
         return heights_m
 
     def _flexible_fit(self, grid: HeightGrid, samples: HeightSamples, start_m: Float64) -> Float64:
-        scales_m = (_FINE_SCALE_M,) * self._config.rounds
-        stiffness = _FINE_STIFFNESS * (self._config.cell_m / grid.cell_m) ** 2
-        return _robust_fit(grid, samples, start_m, scales_m, stiffness)
+        heights_m = start_m
+        for _ in range(self._config.rounds):
+            heights_m = grid.fit(
+                samples, _FINE_STIFFNESS_M2 / grid.cell_m**2, heights_m, _FINE_SCALES_M
+            )
+        return heights_m
 
     def _lowest(self, points: Float32, cells: Int) -> HeightSamples:
         """Return the lowest point of each small cell, where its height can be that of the ground."""
@@ -148,22 +150,23 @@ class GroundSurfaceEstimator:
         )
         return HeightSamples(lowest, np.ones(len(lowest)))
 
-    def _stiff_surface(self, samples: HeightSamples) -> Float64:
-        sample = samples.points[:: max(1, len(samples) // _PLANE_SAMPLE)]
-        plane = robust_plane(np.ascontiguousarray(sample), -self._height_m, _PLANE_ROUNDS)
-        plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
-        stiffness = _STIFFNESS * (2 * self._config.cell_m / self._stiff.cell_m) ** 2
-        return _robust_fit(self._stiff, samples, plane_m, _SCALES_M, stiffness)
+    def _coarse_surface(self, samples: HeightSamples) -> Float64:
+        heights_m = np.full(self._coarse.size, -self._height_m)
+        for scale_m, stiffness_m2 in _COARSE_ROUNDS:
+            scales_m = (_COARSE_LOW_RATIO * scale_m, scale_m)
+            stiffness = stiffness_m2 / self._coarse.cell_m**2
+            heights_m = self._coarse.fit(samples, stiffness, heights_m, scales_m)
+        return heights_m
 
     def _averages(
-        self, points: Float32, cells: Int, stiff_m: Float64
+        self, points: Float32, cells: Int, coarse_m: Float64
     ) -> tuple[HeightSamples, Bool]:
-        """Average the points near the first surface by small cells.
+        """Average the points near the coarse surface by small cells.
 
         Returns:
             The averages, and which of them come from cells without obstacles.
         """
-        ground_m = self._stiff_at_cells.interpolate(stiff_m)
+        ground_m = self._coarse_at_cells.interpolate(coarse_m)
         sums, has_obstacle = sums_of_cells(points, cells, ground_m, _BAND_M, *_OBSTACLE_BAND_M)
         seen = np.flatnonzero(sums[:, 3])
         counts = sums[seen, 3]
@@ -255,21 +258,6 @@ def _corners(area: LocalArea) -> tuple[tuple[float, float], tuple[float, float]]
     """Return the lowest and the highest x and y of an area with its margin."""
     low_m = (-area.behind_m - _MARGIN_M, -area.side_m - _MARGIN_M)
     return low_m, (area.ahead_m + _MARGIN_M, area.side_m + _MARGIN_M)
-
-
-def _robust_fit(
-    grid: HeightGrid,
-    samples: HeightSamples,
-    start_m: Float64,
-    scales_m: tuple[float, ...],
-    stiffness: float,
-) -> Float64:
-    """Fit repeatedly, with less weight for samples of larger residual."""
-    heights_m = start_m
-    for scale_m in scales_m:
-        scales = (scale_m * _LOW_SCALE_RATIO, scale_m)
-        heights_m = grid.fit(samples, stiffness, heights_m, scales)
-    return heights_m
 
 
 def _footing(height_m: float) -> HeightSamples:

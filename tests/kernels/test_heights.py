@@ -9,7 +9,6 @@ from perception.kernels.heights import (
     lowest_of_cells,
     moved_samples,
     points_over_cells,
-    robust_plane,
     sums_of_cells,
 )
 
@@ -95,15 +94,6 @@ def test_sums_equal_the_reference() -> None:
     expected = [np.bincount(cells[near], column, SIZE) for column in values.T]
     np.testing.assert_allclose(sums, np.transpose(expected))
     np.testing.assert_array_equal(has_obstacle, np.bincount(cells[high], minlength=SIZE) > 0)
-
-
-def test_a_robust_plane_leaves_out_what_stands_on_it() -> None:
-    random = np.random.default_rng(1)
-    xy = random.uniform(-20, 20, (600, 2))
-    z = 0.02 * xy[:, 0] - 0.01 * xy[:, 1] - 1.6
-    z[::4] += 1.0
-    found = robust_plane(np.column_stack([xy, z]), -1.73, 12)
-    np.testing.assert_allclose(found, [0.02, -0.01, -1.6], atol=2e-3)
 
 
 def test_normal_equations_equal_the_reference() -> None:
