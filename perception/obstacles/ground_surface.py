@@ -151,11 +151,18 @@ class GroundSurfaceEstimator:
         return HeightSamples(lowest, np.ones(len(lowest)))
 
     def _coarse_surface(self, samples: HeightSamples) -> Float64:
+        """Fit the lowest points, which bend the surface the more, the more of the ground around them is sampled.
+
+        Where few returns lie far apart, each can be from something that hides the ground, and stiffness decides.
+        """
+        cells = cells_of(samples.points, self._coarse.numbers) + 1  # 0 outside
+        shares = np.bincount(cells, samples.weights) * (_SAMPLE_M / self._coarse.cell_m) ** 2
+        weighed = HeightSamples(samples.points, samples.weights * np.minimum(shares[cells], 1.0))
         heights_m = np.full(self._coarse.size, -self._height_m)
         for scale_m, stiffness_m2 in _COARSE_ROUNDS:
             scales_m = (_COARSE_LOW_RATIO * scale_m, scale_m)
             stiffness = stiffness_m2 / self._coarse.cell_m**2
-            heights_m = self._coarse.fit(samples, stiffness, heights_m, scales_m)
+            heights_m = self._coarse.fit(weighed, stiffness, heights_m, scales_m)
         return heights_m
 
     def _averages(
