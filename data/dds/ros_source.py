@@ -319,6 +319,9 @@ class RosSource(LiveSource):
             except PerceptionError as error:
                 self.health.report(self._lidar, _SKIPPED, str(error), HealthLevel.ERROR)
                 continue
+            if frame is None:
+                self.dropped += 1
+                continue
             yield frame
 
     def _next_scan(self, last: RawMessage | None) -> RawMessage | None:
@@ -382,8 +385,11 @@ class RosSource(LiveSource):
                 faults.append(_CLOCK)
             self.health.clear([name], *({_SILENT, _JUMP, _CLOCK} - {*faults}))
 
-    def _frame(self, scan: RawMessage) -> Frame:
+    def _frame(self, scan: RawMessage) -> Frame | None:
+        """Return the frame of a scan, or None where stamps have jumped since it came, so that it is no longer kept."""
         parts, recent = self._parts, self._recent()
+        if not any(one is scan for one in recent.messages((self._lidar,))):
+            return None
         parts.opening.move_to(recent)
         drive = parts.cameras.joined(parts.opening.joined(parts.drive), recent)
         row = int(np.searchsorted(drive.stamps_ns, stamp_ns(scan)))

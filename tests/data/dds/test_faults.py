@@ -1,5 +1,6 @@
 """Faults of a robot's topics: each is said once, frames go on, and what comes late is taken up."""
 
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -12,8 +13,10 @@ import cv2
 import numpy as np
 import pytest
 
+from data.bags.bag import RawMessage
 from data.dds import ros_source
 from data.dds.participant import DdsParticipant
+from data.dds.receiver import stamp_ns
 from data.dds.ros_source import RosSource
 from data.layouts import OpenConfig
 from perception.errors import PoseError
@@ -185,6 +188,27 @@ def test_stamps_that_jump_back_and_ahead(domain: int, tmp_path: Path, monkeypatc
                 step_s = float(reason(drive, LIDAR, "stamps jumped").split()[1])
                 assert step_s == pytest.approx(-5 if jump_ns < 0 else 14, abs=1)
             drive.send()
+
+
+def test_stamps_that_jump_while_a_frame_is_made(domain: int, tmp_path: Path, monkeypatch):
+    path = write_small_robot(tmp_path / "robot.npz", 1)
+    with driving(domain, path, monkeypatch) as drive:
+        receiver, wait = drive.source._receiver, drive.source._await_others
+        older: list[RawMessage] = []
+
+        def receive_older(scan: RawMessage) -> None:
+            wait(scan)
+            if not older:
+                sec, *rest = struct.unpack_from("<iI", scan.data, 4)
+                data = scan.data[:4] + struct.pack("<iI", sec - 100, *rest) + scan.data[12:]
+                older.append(RawMessage(LIDAR, time.time_ns(), data))
+                with receiver.changed:
+                    receiver._keep(older[0])
+
+        monkeypatch.setattr(drive.source, "_await_others", receive_older)
+        assert drive.next().stamp_s == pytest.approx((stamp_ns(older[0]) - drive.source.origin_ns) / 1e9)  # fmt: skip
+        assert drive.source.dropped == 1
+        assert (LIDAR, "stamps jumped") in drive.faults
 
 
 def test_a_clock_that_is_off(domain: int, tmp_path: Path, monkeypatch):
