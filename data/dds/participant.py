@@ -1,11 +1,15 @@
 """A participant of a DDS domain that speaks as a node of ROS 2 does."""
 
+import logging
 import os
+import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from data.dds.message_class import kind_of, message_class, value_of
+from data.messages.definitions import typestore
 from perception.errors import UsageError, optional_package
 
 if TYPE_CHECKING:
@@ -13,9 +17,13 @@ if TYPE_CHECKING:
     from cyclonedds.qos import Qos
     from cyclonedds.sub import DataReader
 
+log = logging.getLogger(__name__)
+
 LOOPBACK = "127.0.0.1"
+_LOOPBACK_DEVICE = b"lo\0"
 _ALL_INTERFACES = "0.0.0.0"
 _MAX_DOMAIN = 232
+_FIRST_PORT, _PORTS = 7400, 250  # of the first domain, and of each
 _TOPIC_PREFIX = "rt"  # of topics of ROS 2 among those of DDS
 _MANY_TOPICS = 10_000
 # A scan is sent in some thousand packets, which are lost where they find no room; the kernel may grant less.
@@ -77,6 +85,8 @@ class DdsParticipant:
                 found=str(error.msg),
                 advice=f"name one that `ip address` lists, {LOOPBACK} for this computer alone",
             ) from error
+        if config is not None and host == LOOPBACK:
+            _keep_to_loopback(self.domain)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
     def __enter__(self) -> Self:
@@ -120,7 +130,7 @@ class DdsParticipant:
         from cyclonedds.sub import DataReader
 
         # What this participant publishes itself is no news.
-        qos = Qos(Policy.IgnoreLocal.Participant, base=_qos(profile, depth))
+        qos = Qos(Policy.IgnoreLocal.Participant, base=_qos(kind, profile, depth))
         return DataReader(self._participant, self._topic(name, kind), qos=qos)
 
     def writer(
@@ -129,7 +139,7 @@ class DdsParticipant:
         """Return a writer of a topic."""
         from cyclonedds.pub import DataWriter
 
-        qos = _qos(profile, depth)
+        qos = _qos(kind, profile, depth)
         writer = DataWriter(self._participant, self._topic(name, kind), qos=qos)
         return TopicWriter(kind, writer)
 
@@ -185,7 +195,30 @@ def _config(host: str) -> str | None:
     )
 
 
-def _qos(profile: QosProfile, depth: int) -> "Qos":
+def _keep_to_loopback(domain: int) -> None:
+    """Receive nothing from other interfaces, to whose ports the library always binds its sockets."""
+    first = _FIRST_PORT + _PORTS * domain
+    for entry in Path("/proc/self/fd").iterdir():
+        if not entry.is_socket():
+            continue
+        with socket.socket(fileno=os.dup(int(entry.name))) as one:
+            if one.type != socket.SOCK_DGRAM or one.family != socket.AF_INET:
+                continue
+            device = socket.SOL_SOCKET, socket.SO_BINDTODEVICE
+            is_own = first <= one.getsockname()[1] < first + _PORTS
+            if not is_own or one.getsockopt(*device, len(_LOOPBACK_DEVICE)) == _LOOPBACK_DEVICE:
+                continue
+            try:
+                one.setsockopt(*device, _LOOPBACK_DEVICE)
+            except PermissionError:
+                log.warning(
+                    "the ports of DDS are open on all interfaces before Linux 5.7: let a firewall close them"
+                )
+                return
+
+
+def _qos(kind: str, profile: QosProfile, depth: int) -> "Qos":
+    """Return the quality of a topic; from Iron on, ROS 2 compares the hash of its type that others state."""
     from cyclonedds.qos import Policy, Qos
 
     is_reliable, is_latched = profile != "sensor_data", profile == "latched"
@@ -195,4 +228,5 @@ def _qos(profile: QosProfile, depth: int) -> "Qos":
         Policy.Durability.TransientLocal if is_latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.Userdata(f"typehash={typestore().hash_rihs01(kind)};".encode()),
     )

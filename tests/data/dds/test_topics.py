@@ -24,7 +24,6 @@ from data.live.serve import LiveCounts, serve_results
 from data.messages.definitions import encoded, typestore
 from data.messages.topics import topics
 from data.open_drive import open_drive
-from perception.errors import MissingDependencyError, UsageError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Frame
@@ -278,22 +277,3 @@ def write_recorded(received: dict[str, list[bytes]], folder: Path) -> None:
                 stamp_ns = header_stamp_ns(RawMessage(topic, 0, data), is_ros1=False)
                 if topic == "/tf_static" or stamp_ns >= ORIGIN_NS:
                     writer.write(connection, max(stamp_ns, ORIGIN_NS), data)
-
-
-def test_a_domain_that_is_none_is_one_sentence(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "233")
-    with pytest.raises(
-        UsageError, match="ROS_DOMAIN_ID: expected a number from 0 to 232, found '233'"
-    ):
-        DdsParticipant()
-
-
-def test_an_interface_that_is_none_is_one_sentence(domain: int):
-    with pytest.raises(UsageError, match=r"--host 192.0.2.7: expected the address of a network"):
-        DdsParticipant("192.0.2.7")
-
-
-def test_without_cyclonedds_the_line_that_installs_it(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "cyclonedds.builtin", None)
-    with pytest.raises(MissingDependencyError, match=r"cyclonedds.*pip install.*\[ros\]"):
-        DdsParticipant()
