@@ -1,7 +1,8 @@
 """Cells around a sensor: which of them hold points, and over which of them beams passed low.
 
 A grid is (x_m, y_m, cell_m): the corner of its first cell from the sensor, and the edge of a cell; it has as many rows
-as columns. Sectors are of equal angles, the first one from x towards y.
+as columns. Sectors begin behind the sensor and are even steps of y / (|x| + |y|), for which no angle has to be computed:
+their angles are 0.64 to 1.27 times those of equal ones.
 """
 
 import math
@@ -40,6 +41,15 @@ def cells_of_points(
     return cells, xy_m
 
 
+@compiled((NUMBER, NUMBER, WHOLE))
+def sector_of(x: float, y: float, sectors: int) -> int:
+    """Return the sector of a position from the sensor."""
+    share = y / max(abs(x) + abs(y), 1e-9)
+    if x < 0:
+        share = 2 - share if y >= 0 else -2 - share
+    return min(int((share + 2) * (sectors / 4)), sectors - 1)
+
+
 @compiled((array_of(np.float64, 2), array_of(np.bool_), array_of(np.bool_), NUMBER, _GRID, WHOLE, WHOLE))  # fmt: skip
 def passed_cells(
     xy_m: Float64,
@@ -67,14 +77,13 @@ def passed_cells(
     bins = math.ceil(0.75 * count)
     # What is beyond begins to be low beyond all cells.
     max_range_m = bins * cell_m / max(low_share, 1e-9)
-    per_rad = sectors / (2 * math.pi)
     limits_m = np.full(sectors, np.inf)
     ranges_m, places = np.empty(len(xy_m)), np.empty(len(xy_m), np.int64)
     for row in range(len(xy_m)):
         x, y = xy_m[row, 0], xy_m[row, 1]
-        ranges_m[row] = math.hypot(x, y)
+        ranges_m[row] = math.sqrt(x * x + y * y)
         if (is_ground[row] or is_obstacle[row]) and ranges_m[row] <= max_range_m:
-            places[row] = math.floor(math.atan2(y, x) * per_rad) % sectors
+            places[row] = sector_of(x, y, sectors)
             if is_obstacle[row] and ranges_m[row] < limits_m[places[row]]:
                 limits_m[places[row]] = ranges_m[row]
     # Passes begin and end at bins of the range, and are counted from the sensor outwards.
@@ -92,7 +101,6 @@ def passed_cells(
         y = low_m + cell_m * (j + 0.5)
         for i in range(count):
             x = left_m + cell_m * (i + 0.5)
-            step = int(math.hypot(x, y) / cell_m)
-            place = math.floor(math.atan2(y, x) * per_rad) % sectors
-            is_passed[j, i] = step < bins and passes[place, step] > 0
+            step = int(math.sqrt(x * x + y * y) / cell_m)
+            is_passed[j, i] = step < bins and passes[sector_of(x, y, sectors), step] > 0
     return is_passed
