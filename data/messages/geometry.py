@@ -4,9 +4,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from data.messages.definitions import message
+from perception.geometry.se3 import rotation_vector
 from perception.render.palette import Color
 from perception.types import Float, Float64
 
@@ -54,8 +54,10 @@ def vector(values: Float) -> Any:  # noqa: ANN401 - a message
 
 def quaternion(rotation: Float64) -> Any:  # noqa: ANN401 - a message
     """Return a (3, 3) rotation."""
-    x, y, z, w = map(float, Rotation.from_matrix(rotation).as_quat())
-    return message("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w)
+    vector_rad = rotation_vector(rotation)
+    half_rad = float(np.linalg.norm(vector_rad)) / 2
+    x, y, z = (np.sinc(half_rad / np.pi) / 2 * vector_rad).tolist()
+    return message("geometry_msgs/Quaternion", x=x, y=y, z=z, w=float(np.cos(half_rad)))
 
 
 def yaw_quaternion(yaw_rad: float) -> Any:  # noqa: ANN401 - a message

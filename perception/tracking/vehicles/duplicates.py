@@ -74,6 +74,8 @@ def distinct_rows(vehicles: Vehicles, min_score: float) -> Int:
     scores, is_tracked = vehicles.fused.detections.scores, vehicles.ids >= 0
     rows = np.flatnonzero(scores >= min_score)
     rows = rows[np.lexsort((-scores[rows], ~is_tracked[rows]))]
+    if is_tracked[rows].all():
+        return np.sort(rows)
     boxes, boxes_px = vehicles.boxes[rows], vehicles.fused.detections.boxes_px[rows]
     is_located = np.isfinite(boxes.yaw_rad)
     overlap = np.full((len(rows), len(rows)), np.nan)
