@@ -15,13 +15,14 @@ from data.messages.motion import transform
 from data.messages.occupancy import occupancy
 from data.messages.topics import MessageFunction, Topic, part_statuses, topics
 from perception.geometry.se3 import inverse
+from perception.obstacles.config import OccupancyConfig
 from perception.obstacles.occupancy import OccupancyEvidence
 from perception.types import Float64, Result
 
 PREFIX = "/trifuse"
 _GRIDS = {"/occupancy": True, "/occupancy/static": False}  # with what moves, and without
 _GRID_KIND = "nav_msgs/msg/OccupancyGrid"
-_GRID_STEP_S, _STAMP_JITTER_S = 0.2, 0.02
+_STAMP_JITTER_S = 0.02
 _TF, _ODOMETRY = _OF_BASE = ("/tf", "/ego/odometry")
 _SHARED = (_TF, "/diagnostics")  # one topic each for all nodes
 _KINDS = {
@@ -89,6 +90,7 @@ class RosPublisher:
         min_score: float,
         origin_ns: int = 0,
         health: TopicHealth | None = None,
+        grid: OccupancyConfig | None = None,
     ) -> None:
         """Open the topics.
 
@@ -98,8 +100,10 @@ class RosPublisher:
             min_score: Score from which vehicles are published.
             origin_ns: Time in nanoseconds at which stamps are 0.
             health: Health of the topics that the frames come from.
+            grid: Rate and size of the occupancy grids.
         """
         self._origin_ns, self._health = origin_ns, health or TopicHealth()
+        self._grid = grid or OccupancyConfig()
         own: dict[str, MessageFunction] = {_TF: self._pose_transform}
         chosen = [
             replace(one, message_of=own.get(one.name, one.message_of))
@@ -146,13 +150,13 @@ class RosPublisher:
 
     def _publish_grids(self, result: Result, stamp_ns: int) -> None:
         """Send the occupancy grids, not at each frame; a clock that was set back starts again."""
-        if 0 <= result.frame.stamp_s - self._grid_s < _GRID_STEP_S - _STAMP_JITTER_S:
+        if 0 <= result.frame.stamp_s - self._grid_s < 1 / self._grid.rate_hz - _STAMP_JITTER_S:
             return
         self._grid_s = result.frame.stamp_s
         taken = [(writer, moving) for writer, moving in self._grids if writer.has_readers]
         if not taken:
             return
-        evidence = OccupancyEvidence.of(self._frames.in_world(result))
+        evidence = OccupancyEvidence.of(self._frames.in_world(result), self._grid)
         for writer, with_moving in taken:
             value = occupancy(result.frame.stamp_s, evidence.grid(with_moving=with_moving))
             stamped = _readdressed(value, self._names, time_of(stamp_ns))

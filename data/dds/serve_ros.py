@@ -34,6 +34,7 @@ def serve_ros(
             min_score=address.min_score,
             origin_ns=source.origin_ns,
             health=None if robot is None else robot.health,
+            grid=config.occupancy,
         )
         if robot is not None:
             robot.on_silence, robot.on_frames = publisher.publish_health, publisher.use_frames

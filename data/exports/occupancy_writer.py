@@ -7,9 +7,8 @@ import numpy as np
 
 from data.results.result_writer import ResultWriter
 from perception.atomic_file import atomic_file, write_atomically
-from perception.obstacles.occupancy import FREE, OCCUPIED, OccupancyGrid, occupancy_grid
 from perception.render.scene import SelectedObject
-from perception.types import Result, UInt8
+from perception.types import FREE, OCCUPIED, OccupancyGrid, Result, UInt8
 
 # Grey levels of map_server: of 205, the share of black is just above the threshold of what is free.
 _GREY = {FREE: 254, OCCUPIED: 0}
@@ -42,7 +41,9 @@ class OccupancyWriter(ResultWriter):
             WriteError: The disk is full.
         """
         del selected
-        grid, path = occupancy_grid(result), self._folder / result.frame.name
+        grid, path = result.occupancy, self._folder / result.frame.name
+        if grid is None:
+            return
         x, y, _ = grid.origin_m
         text = _YAML.format(image=f"{path.name}.png", cell_m=grid.cell_m, x=x, y=y)
         _, encoded = cv2.imencode(".png", map_image(grid))

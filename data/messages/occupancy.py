@@ -4,7 +4,7 @@ from typing import Any
 
 from data.messages.definitions import message
 from data.messages.geometry import WORLD, header, time, upright_pose
-from perception.obstacles.occupancy import OccupancyGrid
+from perception.types import OccupancyGrid
 
 
 def occupancy(stamp_s: float, grid: OccupancyGrid) -> Any:  # noqa: ANN401 - a message

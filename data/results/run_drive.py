@@ -16,6 +16,7 @@ from data.results.run_writers import run_writers
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
+from perception.obstacles.occupancy import occupancy_grid
 from perception.pipeline.memory import release_free_memory
 from perception.render.bar_plots import plot_timeline
 from perception.render.scene import SelectedObject
@@ -56,6 +57,7 @@ def run_drive(
     steps = started(track_selected(results, handover))
     out = folder.prepare()
     period_s, pipeline = frame_period_s(drive), config.pipeline
+    shows_grid = config.exports.occupancy
     score = pipeline.detection.display_score
     summary = RunSummary(drive.name, out, pipeline.area_of(drive.sensor), score, period_s)
     if checkpoint is not None:
@@ -72,8 +74,9 @@ def run_drive(
                 writer.restore(snapshot)
         try:
             for result, selected in steps:
+                grid = occupancy_grid(result, pipeline.occupancy) if shows_grid else None
                 for writer in writers:
-                    writer.add(replace(result, snapshot=None), selected)
+                    writer.add(replace(result, snapshot=None, occupancy=grid), selected)
                 summary.update(result, drive.point_truth(result.frame.index))
                 if result.snapshot is not None:
                     summary.elapsed_s = time.perf_counter() - start_s

@@ -97,7 +97,6 @@ def run_writers(
         period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
         detector_views=config.video_views,
-        occupancy=config.exports.occupancy,
     )
     frames = frame_count(drive, config.frames)
     if config.exports.report and can_write_report():

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.report import Metric, SummedMetrics
 from perception.geometry.grids import LocalArea
-from perception.obstacles.occupancy import FREE, OCCUPIED, OccupancyGrid
-from perception.types import Float64, PointTruth, Result
+from perception.types import FREE, OCCUPIED, Float64, OccupancyGrid, PointTruth, Result
 
 _REACH_M = 20.0
 _MIN_M, _MAX_M = 0.3, 2.0

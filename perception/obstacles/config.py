@@ -7,6 +7,8 @@ import numpy as np
 from perception.errors import UsageError
 from perception.types import Method
 
+_MAX_CELLS = 1000  # to each side of an occupancy grid
+
 
 @dataclass(frozen=True)
 class GroundSurfaceConfig:
@@ -141,4 +143,28 @@ class MotionConfig:
         if self.previous_scans < 1:
             raise UsageError(
                 "previous_scans", expected="at least 1", found=str(self.previous_scans)
+            )
+
+
+@dataclass(frozen=True)
+class OccupancyConfig:
+    """Occupancy grid.
+
+    Attributes:
+        reach_m: Reach of the grid around the LiDAR in metres; beyond the local area nothing is known.
+        cell_m: Edge of a cell in metres.
+        rate_hz: Number of grids a second on topics of ROS 2, at most one a scan; a run writes one a scan.
+    """
+
+    reach_m: float = 20.0
+    cell_m: float = 0.2
+    rate_hz: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Validate that there are cells, no more than a planner takes, and a rate."""
+        if not (0 < self.cell_m <= self.reach_m <= _MAX_CELLS * self.cell_m and self.rate_hz > 0):
+            raise UsageError(
+                "occupancy grid",
+                expected=f"positive values, and a reach of 1 to {_MAX_CELLS} cells",
+                found=str(self),
             )

@@ -14,67 +14,30 @@ Obstacles hide what is behind them, and make the cells around them unknown rathe
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Self
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.kernels.polar_cells import cells_of_points, passed_cells
-from perception.types import Bool, Float32, Float64, Int, PointState, Result, require_shape
-
-# As of nav_msgs/OccupancyGrid.
-UNKNOWN: Final = -1
-FREE: Final = 0
-OCCUPIED: Final = 100
+from perception.obstacles.config import OccupancyConfig
+from perception.types import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Bool,
+    Float32,
+    Float64,
+    Int,
+    OccupancyGrid,
+    PointState,
+    Result,
+)
 
 _MIN_OBSTACLE_M = 0.3
 _SECTORS = 720  # half a degree: 17 cm at 20 m
 _MARGIN = np.ones((3, 3), np.uint8)
-
-
-@dataclass(frozen=True)
-class OccupancyGrid:
-    """Cells on the ground, with the axes of the world.
-
-    Attributes:
-        states: (H, W) UNKNOWN, FREE or OCCUPIED; rows along y, columns along x.
-        origin_m: (3,) corner of the first cell in the world, at the height of the ground.
-        cell_m: Edge of a cell in metres.
-    """
-
-    states: NDArray[np.int8]
-    origin_m: Float64
-    cell_m: float
-
-    def __post_init__(self) -> None:
-        """Validate shapes."""
-        require_shape("OccupancyGrid.states", self.states, ("H", "W"))
-        require_shape("OccupancyGrid.origin_m", self.origin_m, (3,))
-
-    def states_at(self, xy_m: Float64) -> NDArray[np.int8]:
-        """Return the (N,) states of (N, 2) positions in the world; UNKNOWN beside the grid."""
-        column, row = np.floor((xy_m - self.origin_m[:2]) / self.cell_m).astype(np.int64).T
-        height, width = self.states.shape
-        is_inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        found = np.full(len(xy_m), UNKNOWN, np.int8)
-        found[is_inside] = self.states[row[is_inside], column[is_inside]]
-        return found
-
-
-@dataclass(frozen=True)
-class OccupancyConfig:
-    """Occupancy grid.
-
-    Attributes:
-        reach_m: Reach of the grid around the LiDAR in metres; beyond the local area nothing is known.
-        cell_m: Edge of a cell in metres.
-    """
-
-    reach_m: float = 20.0
-    cell_m: float = 0.2
-
-
+_GROUND_STEP = 4  # among its returns, whose median is the height of the LiDAR
 _CONFIG = OccupancyConfig()
 
 
@@ -123,7 +86,7 @@ class OccupancyEvidence:
         is_ground, is_moving, is_static = (
             states == one for one in (PointState.GROUND, PointState.MOVING, PointState.STATIC)
         )
-        height_m = _height_m(points[is_ground])
+        height_m = _height_m(points[np.flatnonzero(is_ground)[::_GROUND_STEP]])
         low_share = max(1 - _MIN_OBSTACLE_M / height_m, 0.0)
         cells, xy_m = frame.cells(points)
         is_free = frame.passed(xy_m, is_ground, is_moving | is_static, low_share)

@@ -15,7 +15,7 @@ from perception.geometry.grids import (
     LocalArea,
 )
 from perception.localization.config import RegistrationConfig
-from perception.obstacles.config import GroundConfig, MotionConfig
+from perception.obstacles.config import GroundConfig, MotionConfig, OccupancyConfig
 from perception.pipeline.skipped_stages import BEV_DETECTOR, DEPTHCN, SkippableStage
 from perception.sensor import LidarModel
 from perception.types import Method
@@ -30,6 +30,7 @@ class PipelineConfig:
         registration: Registration of scans.
         ground: Ground estimation.
         motion: Static-moving segmentation of the points above the ground.
+        occupancy: Occupancy grid, where an output shows it.
         datmo: Detection and tracking of moving objects.
         detection: Detection of vehicles in frames with a camera.
         vehicles: Location of detected vehicles in the scan, and their tracks.
@@ -48,6 +49,7 @@ class PipelineConfig:
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     ground: GroundConfig = field(default_factory=GroundConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     datmo: DatmoConfig = field(default_factory=DatmoConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     vehicles: VehicleConfig = field(default_factory=VehicleConfig)

@@ -12,7 +12,6 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.kernels.drawing import paint_points
-from perception.obstacles.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
@@ -25,7 +24,19 @@ from perception.render.canvas import (
 from perception.render.ego_vehicle import vehicle_outline_m
 from perception.render.overlay import GroundMesh
 from perception.render.palette import Color
-from perception.types import Float, Float64, Int, PointState, Result, UInt8, Voxels
+from perception.types import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Float,
+    Float64,
+    Int,
+    OccupancyGrid,
+    PointState,
+    Result,
+    UInt8,
+    Voxels,
+)
 
 _RING_STEP_M = 10.0
 _SCALE_M = 5.0
@@ -89,26 +100,19 @@ def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
     return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
 
 
-def draw_birds_eye(
-    canvas: UInt8,
-    view: BirdsEyeView,
-    result: Result,
-    surface: GroundMesh,
-    occupancy: OccupancyGrid | None = None,
-) -> None:
-    """Fill a canvas with ground, points, obstacles, range rings and the vehicle.
+def draw_birds_eye(canvas: UInt8, view: BirdsEyeView, result: Result, surface: GroundMesh) -> None:
+    """Fill a canvas with ground, occupancy, points, obstacles, range rings and the vehicle.
 
     Args:
         canvas: (H, W, 3) canvas.
         view: View from above.
         result: Output of the pipeline.
         surface: Ground.
-        occupancy: Occupancy grid, or None for none.
     """
     fill_canvas(canvas, palette.PANEL)
     draw_ground(canvas, view, surface)
-    if occupancy is not None:
-        draw_occupancy(canvas, view, occupancy, result.world_SE3_velo)
+    if result.occupancy is not None:
+        draw_occupancy(canvas, view, result.occupancy, result.world_SE3_velo)
     draw_points(canvas, view, result)
     draw_rings(canvas, view)
     draw_static(canvas, view, result.obstacles.static, surface)

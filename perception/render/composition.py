@@ -9,7 +9,6 @@ from perception.detection.config import DetectionConfig
 from perception.detection.vehicles.camera_views import views_of
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
-from perception.obstacles.occupancy import occupancy_grid
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
 from perception.render.camera_grid import CameraGrid, camera_grid
@@ -74,7 +73,6 @@ class Composition:
         period_s: Time from one scan to the next in seconds, the time budget of a frame.
         display_score: Score from which a detection is drawn.
         detector_views: Whether the boxes of each modality's detector are drawn on the camera image.
-        occupancy: Whether the view from above shows free and occupied cells.
     """
 
     size_px: tuple[int, int] = (1600, 900)
@@ -83,7 +81,6 @@ class Composition:
     period_s: float = 0.1
     display_score: float = DetectionConfig.display_score
     detector_views: bool = False
-    occupancy: bool = False
 
     def __post_init__(self) -> None:
         """Validate the size: even for video, and large enough for readable text."""
@@ -167,7 +164,7 @@ class Composition:
             legend[-1] = (*legend[-1], _SELECTED)
             if scene.tracked.region is not None:
                 legend.append(_REGION)
-        if self.occupancy:
+        if scene.result.occupancy is not None:
             legend.append(_OCCUPANCY)
         if scene.result.vehicles is not None:
             legend += _CLASSES
@@ -263,8 +260,7 @@ class _Views:
         shown_m = (max(each_m + _SURROUND_M, self._layout.reach_m) for each_m in reaches_m)
         view = view_of_area(LocalArea(*shown_m), size_px)
         result = self._scene.result
-        grid = occupancy_grid(result) if self._layout.occupancy else None
-        draw_birds_eye(panel, view, result, self._surface, grid)
+        draw_birds_eye(panel, view, result, self._surface)
         taken_px = draw_scale(panel, view, self._style.text_px - 1)
         labels = draw_objects(panel, view.image_P_velo, self._figures, self._style)
         self._draw_labels(panel, labels, _ABOVE, taken_px)

@@ -29,7 +29,16 @@ from perception.types.health import (
 )
 from perception.types.lidar import LidarModel
 from perception.types.objects import BoxDeviations, Boxes3D, Tracks, Vehicles
-from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
+from perception.types.obstacles import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    GroundModel,
+    Obstacles,
+    OccupancyGrid,
+    PointState,
+    Voxels,
+)
 from perception.types.result import PipelineSnapshot, Result
 from perception.types.stages import (
     Fit,
@@ -56,12 +65,12 @@ from perception.types.table import (
 )
 
 __all__ = [
-    "CALIBRATION", "CAMERA", "DETECTOR_MODALITIES", "INS", "LIDAR", "MAP_MODALITIES", "MODALITIES",
-    "SENSOR_PARTS", "SHARED", "ArrayTable", "Bool", "BoxDeviations", "Boxes3D", "Calibration",
+    "CALIBRATION", "CAMERA", "DETECTOR_MODALITIES", "FREE", "INS", "LIDAR", "MAP_MODALITIES", "MODALITIES",
+    "OCCUPIED", "SENSOR_PARTS", "SHARED", "UNKNOWN", "ArrayTable", "Bool", "BoxDeviations", "Boxes3D", "Calibration",
     "CameraImage", "Complex64", "Detections", "DetectorModality", "Drive", "Fit", "Float",
     "Float32", "Float64", "Frame", "FusedDetections", "GroundModel", "Health", "HealthFinding",
     "HealthLevel", "Int", "KittiLayout", "Labels", "LidarModel", "MapFilling", "MapMethod",
-    "MapModality", "Method", "Modality", "ModalityDetections", "Obstacles", "OnBadFrame",
+    "MapModality", "Method", "Modality", "ModalityDetections", "Obstacles", "OccupancyGrid", "OnBadFrame",
     "PipelineSnapshot", "PointState", "PointTruth", "Progress", "Result", "StageSpan", "Tracks",
     "UInt8", "Vehicles", "Voxels", "relative_to_start", "require_shape",
 ]  # fmt: skip

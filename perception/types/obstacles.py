@@ -2,9 +2,17 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from perception.types.table import Float, Float32, Float64, Int, UInt8, require_shape
+
+# Of a cell, as of nav_msgs/OccupancyGrid.
+UNKNOWN: Final = -1
+FREE: Final = 0
+OCCUPIED: Final = 100
 
 
 class GroundModel(Protocol):
@@ -65,3 +73,32 @@ class Obstacles:
     point_states: UInt8
     static: Voxels
     moving: Voxels
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """Cells on the ground, with the axes of the world.
+
+    Attributes:
+        states: (H, W) UNKNOWN, FREE or OCCUPIED; rows along y, columns along x.
+        origin_m: (3,) corner of the first cell in the world, at the height of the ground.
+        cell_m: Edge of a cell in metres.
+    """
+
+    states: NDArray[np.int8]
+    origin_m: Float64
+    cell_m: float
+
+    def __post_init__(self) -> None:
+        """Validate shapes."""
+        require_shape("OccupancyGrid.states", self.states, ("H", "W"))
+        require_shape("OccupancyGrid.origin_m", self.origin_m, (3,))
+
+    def states_at(self, xy_m: Float64) -> NDArray[np.int8]:
+        """Return the (N,) states of (N, 2) positions in the world; UNKNOWN beside the grid."""
+        column, row = np.floor((xy_m - self.origin_m[:2]) / self.cell_m).astype(np.int64).T
+        height, width = self.states.shape
+        is_inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        found = np.full(len(xy_m), UNKNOWN, np.int8)
+        found[is_inside] = self.states[row[is_inside], column[is_inside]]
+        return found

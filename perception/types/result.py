@@ -9,7 +9,7 @@ from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
 from perception.types.health import Health
 from perception.types.objects import Tracks, Vehicles
-from perception.types.obstacles import GroundModel, Obstacles
+from perception.types.obstacles import GroundModel, Obstacles, OccupancyGrid
 from perception.types.stages import StageSpan, relative_to_start
 from perception.types.table import Float64, UInt8
 
@@ -50,6 +50,7 @@ class Result:
         health: Findings on sensors and stages.
         further_detections: Detections of each modality in each of the frame's further cameras.
         snapshot: State of the pipeline after the frame, where it was asked for.
+        occupancy: Occupancy grid, where the outputs of a run show it.
     """
 
     frame: Frame
@@ -69,6 +70,7 @@ class Result:
     health: Health = field(default_factory=Health)
     further_detections: tuple[ModalityDetections, ...] = ()
     snapshot: PipelineSnapshot | None = None
+    occupancy: OccupancyGrid | None = None
 
     @property
     def odom_SE3_velo(self) -> Float64:

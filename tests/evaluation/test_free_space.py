@@ -5,8 +5,7 @@ import pytest
 
 from perception.evaluation.free_space import FreeSpaceCounts, count_free_space
 from perception.geometry.grids import LocalArea
-from perception.obstacles.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from perception.types import PointTruth
+from perception.types import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, PointTruth
 from tests.obstacles.test_occupancy import post, result_of
 
 ROAD_CLASS, CAR_CLASS = 40, 10

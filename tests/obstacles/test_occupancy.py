@@ -3,16 +3,21 @@
 import numpy as np
 import pytest
 
+from perception.errors import UsageError
 from perception.geometry import se3
-from perception.obstacles.occupancy import (
+from perception.obstacles.config import OccupancyConfig
+from perception.obstacles.occupancy import occupancy_grid
+from perception.types import (
     FREE,
     OCCUPIED,
     UNKNOWN,
-    OccupancyConfig,
+    Frame,
+    Obstacles,
     OccupancyGrid,
-    occupancy_grid,
+    PointState,
+    Result,
+    Voxels,
 )
-from perception.types import Frame, Obstacles, PointState, Result, Voxels
 
 HEIGHT_M = 2.0
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
@@ -114,3 +119,13 @@ def test_no_cell_is_free_in_a_scan_without_ground():
     grid = occupancy_grid(result_of(np.zeros((0, 3)), post(6.1, 0.1, 0.5)))
     assert (grid.states == FREE).sum() == 0
     assert np.isfinite(grid.origin_m).all()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"cell_m": 0.0}, {"cell_m": 0.01}, {"cell_m": 30.0}, {"rate_hz": 0.0}]
+)
+def test_a_grid_without_cells_or_with_too_many_is_one_sentence(wrong: dict[str, float]):
+    with pytest.raises(
+        UsageError, match="occupancy grid: expected positive values, and a reach of 1 to 1000 cells"
+    ):
+        OccupancyConfig(**wrong)

@@ -3,7 +3,6 @@ import pytest
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
-from perception.obstacles.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from perception.render import palette
 from perception.render.birds_eye import (
     BirdsEyeView,
@@ -14,6 +13,7 @@ from perception.render.birds_eye import (
 )
 from perception.render.overlay import sample_surface
 from perception.render.palette import GROUND_POINTS, MOVING, PANEL, POINTS
+from perception.types import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.render.conftest import voxels_at
 
 VIEW = BirdsEyeView(size_px=(200, 300), pixels_per_m=10.0, vehicle_px=(100.0, 250.0))

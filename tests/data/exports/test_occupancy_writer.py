@@ -1,5 +1,6 @@
 """Grids as files, read again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,12 +8,14 @@ import numpy as np
 import yaml
 
 from data.exports.occupancy_writer import OccupancyWriter
+from perception.obstacles.occupancy import occupancy_grid
 from tests.obstacles.test_occupancy import ROAD, post, result_of
 
 
 def test_files_of_a_frame_as_a_map_server_reads_them(tmp_path: Path):
     writer = OccupancyWriter(tmp_path)
-    writer.add(result_of(ROAD, post(6.1, 0.1, 0.5)), None)
+    result = result_of(ROAD, post(6.1, 0.1, 0.5))
+    writer.add(replace(result, occupancy=occupancy_grid(result)), None)
     writer.close(is_complete=True)
     stated = yaml.safe_load((tmp_path / "occupancy/000000.yaml").read_text())
     image = cv2.imread(str(tmp_path / "occupancy" / stated["image"]), cv2.IMREAD_UNCHANGED)
