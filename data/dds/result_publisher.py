@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from data.dds.participant import DdsParticipant, QosProfile
-from data.dds.topic_health import TopicHealth
+from data.live.source_health import SourceHealth
 from data.messages.definitions import encoded, message
 from data.messages.geometry import LIDAR, WORLD, time_of
 from data.messages.motion import transform
@@ -89,7 +89,7 @@ class RosPublisher:
         *,
         min_score: float,
         origin_ns: int = 0,
-        health: TopicHealth | None = None,
+        health: SourceHealth | None = None,
         grid: OccupancyConfig | None = None,
     ) -> None:
         """Open the topics.
@@ -99,10 +99,10 @@ class RosPublisher:
             frames: Frames of reference.
             min_score: Score from which vehicles are published.
             origin_ns: Time in nanoseconds at which stamps are 0.
-            health: Health of the topics that the frames come from.
+            health: Health of the source that the frames come from.
             grid: Rate and size of the occupancy grids.
         """
-        self._origin_ns, self._health = origin_ns, health or TopicHealth()
+        self._origin_ns, self._health = origin_ns, health or SourceHealth()
         self._grid = grid or OccupancyConfig()
         own: dict[str, MessageFunction] = {_TF: self._pose_transform}
         chosen = [
@@ -164,13 +164,13 @@ class RosPublisher:
             self.dropped += not writer.write(encoded(stamped))
 
     def publish_health(self) -> None:
-        """Publish the health of the topics alone, as while no scan comes."""
+        """Publish the health of the source alone, as while no scan comes."""
         now = message("std_msgs/Header", stamp=time_of(time.time_ns()))
         value = message("diagnostic_msgs/DiagnosticArray", header=now, status=self._statuses())
         self._diagnostics.write(encoded(value))
 
     def _statuses(self) -> list[Any]:
-        return part_statuses(self._health.health, self._health.topics)
+        return part_statuses(self._health.health, self._health.parts)
 
     def _pose_transform(self, of_base: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
         """Return the pose alone: where its sensors are the robot states itself."""

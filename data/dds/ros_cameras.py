@@ -9,9 +9,9 @@ from data.bags.drive import BagDrive, BagImages
 from data.bags.message_times import read_times
 from data.bags.opening import BagOpening, joined_images
 from data.bags.topics import camera_info_of
-from data.dds.topic_health import TopicHealth
 from data.drive_images import DriveImages
 from data.further_cameras import DriveCamera, FurtherCameras
+from data.live.source_health import SourceHealth
 from perception.errors import PerceptionError
 from perception.types import Calibration, UInt8
 
@@ -23,7 +23,7 @@ class _CheckedImages(DriveImages):
     """Images of which those that cannot be used are left out, and reported."""
 
     images: BagImages
-    health: TopicHealth
+    health: SourceHealth
 
     def select(self, indices: Sequence[int]) -> Self:
         """Return the images of some frames."""
@@ -59,7 +59,7 @@ class RosCameras:
     """
 
     names: dict[str, str]
-    health: TopicHealth
+    health: SourceHealth
     _opened: dict[str, _Camera] = field(default_factory=dict)
 
     @property

@@ -29,9 +29,9 @@ from data.dds.receiver import (
 from data.dds.recent_bag import RecentBag
 from data.dds.result_publisher import PREFIX, RosFrames
 from data.dds.ros_cameras import RosCameras
-from data.dds.topic_health import TopicHealth
 from data.layouts import OpenConfig
 from data.live.source import LiveSource
+from data.live.source_health import SourceHealth
 from perception.errors import CalibrationError, PerceptionError
 from perception.types import Frame, HealthLevel
 
@@ -107,11 +107,9 @@ class RosSource(LiveSource):
         self._receiver = TopicReceiver(participant)
         self._source = f"ROS domain {participant.domain}"
         self._lidars, self._cameras = map(_topics_in, (config.lidar, config.camera))
-        self.health = TopicHealth()
+        self.health = SourceHealth()
         self._lap = self._count = 0
         self._done_s: dict[str, float] = {}
-        self.on_silence: Callable[[], None] = lambda: None
-        """Called now and then while no scan comes."""
         self.on_frames: Callable[[RosFrames], None] = lambda frames: None
         """Called with the frames of reference where they change."""
         try:
@@ -125,7 +123,13 @@ class RosSource(LiveSource):
         self._last: RawMessage | None = None
         for note in drive.notes:
             log.warning(note)
-        super().__init__(self._source, drive.sensor, is_sequence=True, origin_ns=drive.origin_ns)
+        super().__init__(
+            self._source,
+            drive.sensor,
+            is_sequence=True,
+            origin_ns=drive.origin_ns,
+            health=self.health,
+        )
         self.cameras = config.cameras[1:]
 
     @property
@@ -246,7 +250,7 @@ class RosSource(LiveSource):
             or (not rows and self._is_usable(name, kinds[name], parts))
         ]
         self._receiver.keep({*parts.topics, *usable, *parts.cameras.names, *self._lidars})
-        self.health.topics = parts.topics
+        self.health.parts = parts.topics
 
     def _is_usable(self, name: str, kind: str, parts: _Parts) -> bool:
         """Return whether a topic would be used if it had messages."""

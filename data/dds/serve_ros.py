@@ -33,9 +33,10 @@ def serve_ros(
             RosFrames() if robot is None else robot.frames,
             min_score=address.min_score,
             origin_ns=source.origin_ns,
-            health=None if robot is None else robot.health,
+            health=source.health,
             grid=config.occupancy,
         )
+        source.on_silence = publisher.publish_health
         if robot is not None:
-            robot.on_silence, robot.on_frames = publisher.publish_health, publisher.use_frames
+            robot.on_frames = publisher.use_frames
         serve_live(source, config, address, [publisher])

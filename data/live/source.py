@@ -4,11 +4,12 @@ import logging
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 
 from data.frames import clock_origin_ns, further_camera_names
+from data.live.source_health import SourceHealth
 from data.recorded_drive import RecordedDrive
 from perception.errors import PerceptionError
 from perception.sensor import LidarModel
@@ -27,7 +28,13 @@ class LiveSource(ABC):
     """Names of the further cameras."""
 
     def __init__(
-        self, name: str, sensor: LidarModel, *, is_sequence: bool, origin_ns: int = 0
+        self,
+        name: str,
+        sensor: LidarModel,
+        *,
+        is_sequence: bool,
+        origin_ns: int = 0,
+        health: SourceHealth | None = None,
     ) -> None:
         """Keep what viewers and the pipeline need.
 
@@ -36,11 +43,15 @@ class LiveSource(ABC):
             sensor: LiDAR model of the scans.
             is_sequence: Whether frames follow each other in time.
             origin_ns: Time in nanoseconds since 1970 at which stamps are 0.
+            health: What has been found wrong with the source so far.
         """
         self.name, self.sensor, self.is_sequence = name, sensor, is_sequence
         self.origin_ns = origin_ns
         self.dropped = 0
         """Number of frames that were left out, as they came too late."""
+        self.health = health or SourceHealth()
+        self.on_silence: Callable[[], None] = lambda: None
+        """Called now and then while no scan comes."""
 
     @abstractmethod
     def laps(self) -> Iterator[Iterator[Frame]]:

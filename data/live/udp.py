@@ -4,6 +4,7 @@ import logging
 import socket
 import time
 from bisect import insort
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,12 +20,16 @@ from data.packets.sweeps import PacketDecoder
 from data.packets.velodyne import VelodyneDecoder
 from perception.errors import PerceptionError, ScanError, UsageError
 from perception.sensor import LidarModel, load_sensor
-from perception.types import Frame
+from perception.types import Frame, HealthLevel
 
 log = logging.getLogger(__name__)
 
 _BUFFER_BYTES = 1 << 22  # of the socket: a second of packets, while a scan is decoded
-_WAIT_S = 0.2  # between two looks at whether the source is closed
+_WAIT_S = 0.1  # between two looks at whether the source is closed
+_SILENT_S, _SILENT_STEP_S = 0.3, 0.4  # until it is reported, and between two reports
+_TURNS = 10  # that tell the number of packets in one
+_SPARE_PACKETS = 2  # in which turns differ
+_SILENT, _LOST, _ODD, _SKIPPED = "silent", "packets lost", "packets left out", "turn left out"
 _MAX_STEP_S = 60.0  # between two scans; a longer one means that the sensor's clock was set
 _MAX_TURN_S = 0.5  # the slowest turn is 0.2 s
 _MAX_PACKETS = 4000  # of one turn: a LiDAR that stands still must not fill the memory
@@ -99,6 +104,9 @@ class UdpLidar(LiveSource):
         if sensor is not None and isinstance(self._decoder, OusterDecoder):
             model = replace(self._decoder.sensor, height_m=sensor.height_m)  # which knows the beams
         super().__init__(name, model, is_sequence=True)
+        self.health.parts = (name,)
+        self._left_out = 0  # packets that came twice or late, since the last turn
+        self._counts = deque[int](maxlen=_TURNS)
 
     def laps(self) -> Iterator[Iterator[Frame]]:
         """Yield the frames until the source is closed."""
@@ -149,8 +157,9 @@ class UdpLidar(LiveSource):
             try:
                 frame = self._frame(index, self._decoder.decode(packets), clock)
             except PerceptionError as error:
-                log.warning("skipped a turn: %s", error)
+                self.health.report(self.name, _SKIPPED, str(error))
                 continue
+            self.health.clear([self.name], _SKIPPED)
             index += 1
             yield frame
 
@@ -183,6 +192,7 @@ class UdpLidar(LiveSource):
         for packet in self._in_order():
             if packets and self._decoder.begins_turn(packet, packets[-1]):
                 if is_whole:
+                    self._check(len(packets))
                     yield packets
                 packets, is_whole = [], True
             elif len(packets) >= _MAX_PACKETS:
@@ -204,21 +214,44 @@ class UdpLidar(LiveSource):
                     waiting.clear()
                     time_s, last_s = decoder.packet_time_s(packet), -np.inf
             if time_s < last_s or (time_s, packet) in waiting:
+                self._left_out += 1
                 continue
             insort(waiting, (time_s, packet))
             if len(waiting) > _MAX_LATE:
                 last_s, oldest = waiting.pop(0)
                 yield oldest
 
+    def _check(self, count: int) -> None:
+        """Report what became of the packets of a turn."""
+        self._counts.append(count)
+        lost, late = max(self._counts) - count, self._left_out
+        self._left_out = 0
+        found = {
+            _LOST: f"{lost} of a turn" if lost > _SPARE_PACKETS else "",
+            _ODD: f"{late} of a turn came twice, or too late" if late else "",
+            _SILENT: "",
+        }
+        for fault, reason in found.items():
+            if reason:
+                self.health.report(self.name, fault, reason)
+            else:
+                self.health.clear([self.name], fault)
+
     def _packets(self) -> Iterator[bytes]:
+        last_s = told_s = time.monotonic()
         with self._socket:
             while not self._is_closed:
-                try:
+                packet = b""
+                with suppress(TimeoutError):
                     packet = self._socket.recv(1 << 16)
-                except TimeoutError:
-                    continue
-                if self._decoder.is_data(packet):
+                now_s = time.monotonic()
+                if packet and self._decoder.is_data(packet):
+                    last_s = now_s
                     yield packet
+                elif now_s - last_s >= _SILENT_S and now_s - told_s >= _SILENT_STEP_S:
+                    told_s, reason = now_s, f"nothing for {now_s - last_s:.1f} s"
+                    self.health.report(self.name, _SILENT, reason, HealthLevel.ERROR)
+                    self.on_silence()
 
     def _drop_old_packets(self) -> None:
         """Drop what came while the pipeline was made."""

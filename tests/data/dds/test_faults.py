@@ -132,7 +132,7 @@ def test_two_cameras_one_of_them_compressed(domain: int, tmp_path: Path, monkeyp
             assert offset[:3, 3] == pytest.approx([0.5, 0, 0])
             drive.send()
         assert drive.faults == []
-        assert drive.source.health.topics == (LIDAR, ODOMETRY, CAMERA, LEFT)
+        assert drive.source.health.parts == (LIDAR, ODOMETRY, CAMERA, LEFT)
 
 
 def test_what_comes_late_is_taken_up(domain: int, tmp_path: Path, monkeypatch):

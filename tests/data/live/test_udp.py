@@ -14,6 +14,7 @@ from data.packets.ouster import OusterDecoder
 from data.packets.velodyne import VelodyneDecoder
 from perception.errors import ScanError, UsageError
 from perception.sensor import VLP_16
+from perception.types import HealthLevel
 from tests.data.packets.test_recording import OS_0, OS_2, ouster_frames
 from tests.packet_writer import ALIKE, BANKS, PACKET_US, PAIRS, packet, turns
 
@@ -193,6 +194,28 @@ def test_packets_that_are_doubled_late_and_lost():
     lidar.close()
     assert len(first.points_velo) == 65 * 12 * 32
     assert len(second.points_velo) == 75 * 12 * 32
+
+
+def test_what_is_wrong_with_packets_is_said_until_it_is_over():
+    packets = turns(6.3)
+    doubled, lost = range(40, 50), range(200, 210)  # whole turns begin at packets 38, 113, 188, ...
+    sent = [one for index, one in enumerate(packets) if index not in lost for _ in range(1 + (index in doubled))]  # fmt: skip
+    lidar, frames, sending = lidar_that_receives(sent)
+    faults, told = [], []
+    lidar.on_silence = lambda: told.append(lidar.health.health) or lidar.close()
+    for _ in frames:
+        faults.append([(one.fault, one.reason) for one in lidar.health.health.findings])
+    sending.join()
+    assert faults == [
+        [("packets left out", "10 of a turn came twice, or too late")],
+        [],
+        [("packets lost", "10 of a turn")],
+        [],
+        [],
+    ]
+    (silence,) = told[0].findings
+    assert (silence.level, silence.fault) == (HealthLevel.ERROR, "silent")
+    assert lidar.health.parts == (lidar.name,)
 
 
 def test_an_hour_that_ends_within_a_turn():
