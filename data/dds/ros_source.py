@@ -342,6 +342,8 @@ class RosSource(LiveSource):
     def _await_others(self, scan: RawMessage) -> None:
         """Wait until all topics that are alive have a message of the time of a scan, or one later."""
         receiver, scan_ns = self._receiver, stamp_ns(scan)
+        # What came with the scan before is alive, however long ago that was.
+        alive_ns = (self._last or scan).received_ns - _SILENT_S * 1e9
         others = [name for name in self._parts.topics if name != self._lidar]
         kept = receiver.messages()
         shifts_ns = {name: _shift_ns(kept[name], kept[self._lidar]) for name in others}
@@ -349,7 +351,7 @@ class RosSource(LiveSource):
         def are_there() -> bool:
             for name in others:
                 newest = receiver.newest(name)
-                is_alive = newest and scan.received_ns - newest.received_ns < _SILENT_S * 1e9
+                is_alive = newest and newest.received_ns > alive_ns
                 if newest and is_alive and stamp_ns(newest) + shifts_ns[name] < scan_ns:
                     return False
             return True
@@ -445,12 +447,17 @@ def _period_s(rows: list[RawMessage]) -> float:
 
 def _shift_ns(rows: list[RawMessage], others: list[RawMessage] | None) -> int:
     """Return what turns the stamps of a topic into those of others, or of this computer; 0 by the same clock."""
-    shift_ns = _delay_ns(rows) - (_delay_ns(others) if others else 0)
+    newest = rows[-_NEWEST:]
+    if others:
+        # Of the same time: delays change where what plays a recording halts.
+        others = others[-_NEWEST:]
+        newest = [one for one in rows if one.received_ns >= others[0].received_ns] or newest
+    shift_ns = _delay_ns(newest) - (_delay_ns(others) if others else 0)
     return shift_ns if abs(shift_ns) >= _OTHER_CLOCK_S * 1e9 else 0
 
 
 def _delay_ns(rows: list[RawMessage]) -> int:
-    delays_ns = sorted(one.received_ns - stamp_ns(one) for one in rows[-_NEWEST:])
+    delays_ns = sorted(one.received_ns - stamp_ns(one) for one in rows)
     return delays_ns[len(delays_ns) // 2] if delays_ns else 0
 
 

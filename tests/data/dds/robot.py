@@ -526,7 +526,8 @@ def play(robot: Robot, drivers: Drivers) -> None:
         time.sleep(0.1)
     drivers.follow(before_ns)
     orders.get()
-    print(json.dumps({"topic": "stopped", "cdr": ""}), flush=True)
+    last = base64.b64encode(str(before_ns).encode()).decode()
+    print(json.dumps({"topic": "stopped", "cdr": last}), flush=True)
     orders.get()
     quiet_s = time.monotonic() + 0.5
     while time.monotonic() < quiet_s:  # until the results of what was sent before have come
