@@ -52,17 +52,13 @@ def shards(
     from data.splits.files import select_part
     from perception.cli.progress import frame_progress_bar
     from perception.detection.detectors.input_size import InputSize
-    from perception.geometry.threads import usable_cores
 
     require_positive("--samples", samples)
     config = ImageConfig(
         modality, size=InputSize.parse(size), filling=filling, jpeg_quality=jpeg_quality, fit=fit
     )
     folder = RemoteFolder(out)
-    source = ShardSource(select_part(open_drives(roots), split, "train"), config, on_bad_frame)
-    processes = usable_cores() if workers is None else workers
-    made = write_shards(
-        source, folder, samples=samples, seed=seed, workers=processes, overwrite=overwrite,
-        progress=frame_progress_bar("samples"),
-    )  # fmt: skip
+    drives, bar = select_part(open_drives(roots), split, "train"), frame_progress_bar("samples")
+    source = ShardSource(drives, config, on_bad_frame, samples, seed)
+    made = write_shards(source, folder, workers=workers, overwrite=overwrite, progress=bar)
     print(f"{made.samples} samples in {len(made.shards)} shards: {folder.url}")

@@ -20,6 +20,7 @@ from data.samples.shards.samples import members, pack
 from data.splits.training_frames import TrainingFrames
 from perception.detection.detectors.network_input import PixelRectangle
 from perception.errors import LabelError, PerceptionError, UsageError
+from perception.geometry.threads import usable_cores
 from perception.types import Float64, OnBadFrame, Progress
 
 log = logging.getLogger(__name__)
@@ -34,20 +35,24 @@ class ShardSource:
         drives: Labelled drives.
         config: Input of the network.
         on_bad_frame: Stop at a damaged frame, or leave it out with a warning.
+        samples: Samples of a shard.
+        seed: Seed of the order.
     """
 
     drives: Sequence[RecordedDrive]
     config: ImageConfig
     on_bad_frame: OnBadFrame = "stop"
+    samples: int = 256
+    seed: int = 0
 
-    def places(self, seed: int) -> list[tuple[int, int]]:
+    def places(self) -> list[tuple[int, int]]:
         """Return (drive, frame) of all samples in random order, so that each shard is a fair sample of them."""
         places = [
             (number, index)
             for number, drive in enumerate(self.drives)
             for index in range(len(drive))
         ]
-        order = np.random.default_rng(seed).permutation(len(places))
+        order = np.random.default_rng(self.seed).permutation(len(places))
         return [places[row] for row in order.tolist()]
 
 
@@ -59,24 +64,20 @@ class _Written:
     sizes_px: dict[str, list[Float64]]
 
 
-def write_shards(  # noqa: PLR0913 - what a command asks for
+def write_shards(
     source: ShardSource,
     folder: RemoteFolder,
     *,
-    samples: int = 256,
-    seed: int = 0,
-    workers: int = 1,
+    workers: int | None = None,
     overwrite: bool = False,
     progress: Progress = iter,
 ) -> ShardIndex:
     """Write the samples of some drives as tar files, and return their index.
 
     Args:
-        source: Drives and input.
+        source: Drives, input, and what a shard holds.
         folder: Folder of the shards.
-        samples: Samples of a shard.
-        seed: Seed of the order.
-        workers: Processes that make the images.
+        workers: Processes that make the images; one per core by default.
         overwrite: Replace shards that are there.
         progress: Wrapper of the loop over frames that may show its progress.
 
@@ -91,14 +92,16 @@ def write_shards(  # noqa: PLR0913 - what a command asks for
             found=NAME,
             advice="choose another --out, or replace them with --overwrite",
         )
-    places = source.places(seed)
+    places = source.places()
     parts = [
-        (number, places[first : first + samples])
-        for number, first in enumerate(range(0, len(places), samples))
+        (number, places[first : first + source.samples])
+        for number, first in enumerate(range(0, len(places), source.samples))
     ]
     shown = iter(progress(range(len(places))))
     written = dict[int, _Written]()
-    for (number, of_shard), one in run_parts(partial(_write, source, folder.url), parts, workers):
+    for (number, of_shard), one in run_parts(
+        partial(_write, source, folder.url), parts, workers or usable_cores()
+    ):
         written[number] = one
         for _ in of_shard:
             next(shown)
@@ -106,7 +109,7 @@ def write_shards(  # noqa: PLR0913 - what a command asks for
     made = [written[number] for number in sorted(written) if written[number].shard.samples]
     if not made:
         raise UsageError("shards", expected="at least one frame that can be read", found="none")
-    index = _index(source, made, np.random.default_rng(seed))
+    index = _index(source, made, np.random.default_rng(source.seed))
     index.write(folder)
     return index
 
