@@ -33,12 +33,12 @@ class SynthConfig:
         seed: Seed of the first drive; the next drives have the next seeds.
         noise: Noise of the INS.
         images: Whether to write images.
-        config: Street of every drive; else the first is the demonstration street and each next
-            one another kind.
         street: Kind of street of every drive; else the same.
         ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
         is_night: Whether it is night.
         cameras: Cameras of the vehicle, the main one first; several in the folder layout alone.
+        config: Street of every drive; else the first is the demonstration street and each next
+            one another kind.
     """
 
     layout: SynthLayout = "raw"
@@ -48,11 +48,11 @@ class SynthConfig:
     seed: int = 0
     noise: InsNoise = field(default_factory=InsNoise)
     images: bool = True
-    config: WorldConfig | None = None
     street: StreetKind | None = None
     ego_m_s: float | None = None
     is_night: bool = False
     cameras: tuple[CameraName, ...] = ("front",)
+    config: WorldConfig | None = None
 
     def __post_init__(self) -> None:
         """Validate the number of frames, the layout and the speed."""

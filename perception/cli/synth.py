@@ -54,10 +54,10 @@ def synth(
     from perception.cli.progress import counting_bar
     from perception.sensor import load_sensor
 
+    model, noise = load_sensor(sensor), InsNoise(ins_noise_m, ins_noise_deg)
     synth_config = SynthConfig(
-        layout, frames, drives, load_sensor(sensor), seed, InsNoise(ins_noise_m, ins_noise_deg),
-        images, street=street, ego_m_s=speed, is_night=night, cameras=cameras,
-    )  # fmt: skip
+        layout, frames, drives, model, seed, noise, images, street, speed, night, cameras
+    )
     chosen = synth_config.named_part(part)
     if part is None:  # parts share the folder
         ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
