@@ -30,9 +30,12 @@ _MANY_TOPICS = 10_000
 _BUFFER_BYTES = 16 << 20
 # Without multicast, which the loopback interface rarely has, others are found at the ports of the first participants.
 _CONFIG = """<CycloneDDS><Domain Id="any">
-<General><Interfaces><NetworkInterface address="{address}"/></Interfaces>{multicast}</General>
+<General><Interfaces><NetworkInterface address="{address}"/></Interfaces>{sending}</General>
 <Internal><SocketReceiveBufferSize min="default" max="{buffer}B"/></Internal>{discovery}
 </Domain></CycloneDDS>"""
+# The loopback interface takes packets of 64 kB: a third of the CPU of those of 1.3 kB, by a scan of 3 MB.
+_SENDING = """<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize>
+<FragmentSize>16000B</FragmentSize>"""
 _PEERS = """<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
 <Peers><Peer address="localhost"/></Peers></Discovery>"""
 
@@ -190,7 +193,7 @@ def _config(host: str) -> str | None:
     return _CONFIG.format(
         address=host,
         buffer=_BUFFER_BYTES,
-        multicast="<AllowMulticast>false</AllowMulticast>" if is_local else "",
+        sending=_SENDING if is_local else "",
         discovery=_PEERS if is_local else "",
     )
 
