@@ -20,6 +20,7 @@ class OpenConfig:
             the forward one.
         lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them. Of packets its
             address and port.
+        odometry: Topic of the poses; else the odometry with most messages, or positions and orientations.
         deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
         columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.
@@ -31,6 +32,7 @@ class OpenConfig:
     images: bool = True
     camera: str | None = None
     lidar: str | None = None
+    odometry: str | None = None
     deskew: bool = False
     reflectance_scale: float | None = None
     columns: tuple[str, ...] = ()

@@ -77,7 +77,7 @@ class BagOpening:
     @classmethod
     def of(cls, bag: Bag, config: OpenConfig) -> "BagOpening":
         """Read the bag once."""
-        topics = choose_topics(bag, config.lidar, config.camera)
+        topics = choose_topics(bag, config.lidar, config.camera, config.odometry)
         tree = TransformTree(str(bag.path))
         counts = dict.fromkeys(topics.transforms, 0)
 

@@ -46,13 +46,16 @@ class BagTopics:
         return (*self.lidars, *(topic for topic in parts if topic is not None))
 
 
-def choose_topics(bag: Bag, lidar: str | None = None, camera: str | None = None) -> BagTopics:
+def choose_topics(
+    bag: Bag, lidar: str | None = None, camera: str | None = None, poses: str | None = None
+) -> BagTopics:
     """Choose the topics of a drive.
 
     Args:
         bag: Bag of the topics.
         lidar: Topics of the scans, with commas; else the one with most bytes a message.
         camera: Topic of the images; else the first that has a calibration.
+        poses: Topic of the odometry; else the one with most messages.
 
     Raises:
         DriveError: There are no scans.
@@ -77,14 +80,17 @@ def choose_topics(bag: Bag, lidar: str | None = None, camera: str | None = None)
         names = ", ".join(one.name for one in images)
         notes.append(f"{bag.path}: images of {chosen} among {names}; another with --camera")
     odometry = _of_kind(bag, _ODOMETRY)
-    if len(odometry) > 1:
+    stated = _named(bag, "--odometry", poses, odometry)
+    if poses is None and len(odometry) > 1:
         names = ", ".join(one.name for one in odometry)
-        notes.append(f"{bag.path}: poses of {_longest(odometry)} among {names}, which has most")
+        notes.append(
+            f"{bag.path}: poses of {_longest(odometry)} among {names}; others with --odometry"
+        )
     return BagTopics(
         lidars=lidars,
         camera=chosen,
         camera_info=camera_info_of(bag, chosen) if chosen else None,
-        odometry=_longest(odometry),
+        odometry=stated[0] if stated else _longest(odometry),
         fixes=_longest(_of_kind(bag, _FIX)),
         imu=_longest(_of_kind(bag, _IMU)),
         transforms=tuple(name for name in bag.kinds if name.rsplit("/", 1)[-1] in _TF_NAMES),

@@ -106,7 +106,8 @@ class RosSource(LiveSource):
         self._participant, self._config = participant, config
         self._receiver = TopicReceiver(participant)
         self._source = f"ROS domain {participant.domain}"
-        self._lidars, self._cameras = map(_topics_in, (config.lidar, config.camera))
+        named = (config.lidar, config.camera, config.odometry)
+        self._lidars, self._cameras, self._odometry = map(_topics_in, named)
         self.health = SourceHealth()
         self._lap = self._count = 0
         self._done_s: dict[str, float] = {}
@@ -172,7 +173,9 @@ class RosSource(LiveSource):
             if max(scans, default=0):
                 begin_s = begin_s or now_s
             waited_s = 0.0 if begin_s is None else now_s - begin_s
-            has_all = all(kept.get(name) for name in (*self._lidars, *self._cameras))
+            has_all = all(
+                kept.get(name) for name in (*self._lidars, *self._cameras, *self._odometry)
+            )
             has_all &= any(kept.get(name) for name in TF_TOPICS)
             is_enough = max(scans, default=0) >= _FIRST_SCANS and waited_s > _MIN_FIRST_S
             if (is_enough and has_all) or waited_s > _MAX_FIRST_S:
@@ -194,12 +197,14 @@ class RosSource(LiveSource):
         """Choose the topics among those that have messages, and open what frames are made of."""
         recent = self._recent()
         has = {one.name for one in recent.topics}
-        lidars, cameras = (
+        lidars, cameras, odometry = (
             ",".join(one for one in names if one in has) or None
-            for names in (self._lidars, self._cameras)
+            for names in (self._lidars, self._cameras, self._odometry)
         )
-        config = replace(self._config, lidar=lidars, camera=cameras)
+        config = replace(self._config, lidar=lidars, camera=cameras, odometry=odometry)
         opening = BagOpening.of(recent, config)
+        if self._odometry and odometry is None:
+            opening.topics = replace(opening.topics, odometry=None, fixes=None)
         chosen = opening.topics.camera
         opening.topics = replace(opening.topics, camera=None, camera_info=None)
         first, *others = self._lidars or opening.topics.lidars
@@ -259,7 +264,7 @@ class RosSource(LiveSource):
         if kind in IMAGES and not parts.cameras.names:
             return True
         if kind in POSES and parts.drive.poses is None:
-            return True
+            return not self._odometry or name in self._odometry
         return kind in DESCRIPTIONS or name in self._lidars or name in self._cameras
 
     def _known(self) -> object:

@@ -29,6 +29,7 @@ class SourceFlags(FlagGroup):
             default that of the drive, or HDL-64E.
         camera: Camera of the drive or topic of a bag, several with commas, the main one first; by default the forward one.
         lidar: LiDAR of the drive, topic of a bag or address of packets, several with commas; by default the first or all of them.
+        odometry: Topic of the poses of a bag or robot; by default the one with most messages.
         deskew: Move the points of a sweep to the time of the scan, where their times are known.
         reflectance_scale: Full scale of the reflectance, such as 255; estimated from some scans by default.
         columns: Columns of the scans of a folder in order, where the files do not name them: x,y,z,intensity,ring,t; _
@@ -39,6 +40,7 @@ class SourceFlags(FlagGroup):
     sensor: str | None = None
     camera: str | None = None
     lidar: str | None = None
+    odometry: str | None = None
     deskew: bool = False
     reflectance_scale: float | None = None
     columns: tuple[str, ...] = ()

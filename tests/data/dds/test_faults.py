@@ -193,6 +193,13 @@ def test_what_comes_late_is_taken_up(domain: int, tmp_path: Path, monkeypatch):
         assert (drive.source.frames.base, drive.source.frames.world) == ("base_footprint", "odom")
 
 
+def test_poses_are_those_of_the_topic_that_is_named(domain: int, tmp_path: Path, monkeypatch):
+    path = write_small_robot(tmp_path / "robot.npz", 2)
+    with driving(domain, path, monkeypatch, odometry="filtered/odometry") as drive:
+        assert drive.next().world_SE3_velo is None
+        assert ODOMETRY not in drive.source.health.parts
+
+
 def test_images_that_change_their_size(domain: int, tmp_path: Path, monkeypatch):
     path = write_small_robot(tmp_path / "robot.npz", 3, image_rows=[24, 12, 24])
     with driving(domain, path, monkeypatch) as drive:
