@@ -13,9 +13,10 @@ BEV_CLASSES: Mapping[str, tuple[str, ...]] = {
     "Motorcycle": ("motorcycle",),
     "Bicycle": ("bicycle",),
 }
+VEHICLES = 0  # group of those with flat sides
 # Of the classes of one group, one object is at a place.
 GROUPS: Mapping[str, int] = {
-    **dict.fromkeys(("Car", "Van", "Truck", "Bus", "Trailer"), 0),
+    **dict.fromkeys(("Car", "Van", "Truck", "Bus", "Trailer"), VEHICLES),
     **dict.fromkeys(("Cyclist", "Motorcycle", "Bicycle"), 1),
     "Pedestrian": 2,
 }

@@ -1,6 +1,6 @@
 """A detector of the bird's-eye view, from a model file: scan in, boxes around the vehicle out.
 
-points -- ground, map --> network --> scores and boxes at places -- peaks, one of a group nearby --> boxes
+points -- ground, map --> network --> scores and boxes at places -- peaks, one of a group nearby, near sides at returns --> boxes
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,8 @@ import numpy as np
 
 from perception.detection.bev.bev_map import BLOCK, CHANNELS, EDGES_M, BevGrid, BevMapper
 from perception.detection.bev.boxes import STRIDE, BevDetections, decode_boxes, suppress
-from perception.detection.bev.classes import GROUPS
+from perception.detection.bev.classes import GROUPS, VEHICLES
+from perception.detection.bev.near_sides import fit_near_sides
 from perception.detection.onnx_model import Array, ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
 from perception.geometry.grids import LocalArea
@@ -54,6 +55,7 @@ class BevDetector:
             )
         grid = BevGrid(float(stated["reach_m"]), float(stated["cell_m"]))
         self._mapper = BevMapper(sensor, grid)
+        self._are_vehicles = np.array([GROUPS[name] == VEHICLES for name in self.class_names])
 
     @property
     def area(self) -> LocalArea:
@@ -71,20 +73,26 @@ class BevDetector:
             ModelError: an output of the network is not finite.
         """
         ground = ground or self._mapper.ground(points_velo)
-        found = self.postprocess(self.model({"maps": self._maps(points_velo, ground)}))
+        heights_m = _heights_m(points_velo, ground)
+        found = self.postprocess(
+            self.model({"maps": self._mapper.make(points_velo, heights_m)[None]})
+        )
+        is_vehicle = self._are_vehicles[found.classes]
+        found = fit_near_sides(found, is_vehicle, points_velo, heights_m)
         bottom_m = found.boxes.bottom_m.copy()
         bottom_m[:, 2] += ground.height_m(bottom_m[:, :2])
         return replace(found, boxes=replace(found.boxes, bottom_m=bottom_m))
 
     def preprocess(self, points_velo: Float32) -> Array:
         """Return the (1, R / 4, R / 4, 16, C) input of the network for a scan of (N, 4) points."""
-        return self._maps(points_velo, self._mapper.ground(points_velo))
+        heights_m = _heights_m(points_velo, self._mapper.ground(points_velo))
+        return self._mapper.make(points_velo, heights_m)[None]
 
     def postprocess(self, outputs: Mapping[str, Array]) -> BevDetections:
         """Return the objects of one scan by the outputs of the network, their bottoms above the ground."""
         found = decode_boxes(outputs["scores"][0], outputs["boxes"][0], self._mapper.grid)
         return suppress(found, [GROUPS[name] for name in self.class_names])
 
-    def _maps(self, points_velo: Float32, ground: GroundModel) -> Array:
-        heights_m = np.asarray(ground.distance_m(points_velo), np.float32)
-        return self._mapper.make(points_velo, heights_m)[None]
+
+def _heights_m(points_velo: Float32, ground: GroundModel) -> Float32:
+    return np.asarray(ground.distance_m(points_velo), np.float32)

@@ -32,8 +32,8 @@ _CLASS_COST = 0.2  # cost of a pair of two classes
 # of its own log-odds, and what being found at all says. Fitted to 140 frames of synthetic streets, of 64 and 32 beams: it
 # tells hardly more of the rectangle than the camera does (all of its log-odds would cost precision), of existence as much.
 _SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.0), (0.5, 1.0)
-# Ratio of the deviations from above to those of the camera and its returns at which both boxes are as good, on these streets.
-_INFLATION = 2.0
+# Ratio of the deviations from above to those of the camera and its returns at which both boxes are as good, on KITTI's frames.
+_INFLATION = 1.4
 # Log-odds that an object is there although a camera that should show it does not, fitted there.
 _UNSEEN = -1.7
 # Classes of the view from above that a detector in an image calls trucks.
