@@ -212,6 +212,24 @@ def unsuppressed(places_m: Float64, radii_m: Float64, groups: Int) -> Bool:
     return is_kept
 
 
+@compiled((array_of(_F32, 2), array_of(_F32), NUMBER, WHOLE))
+def _rows_by_bin(points: Float32, heights_m: Float32, low_m: float, side: int) -> tuple[Int, Int]:
+    """Return the rows of the points above a height in the order of square bins, and where each bin begins, and the last ends."""
+    bin_of, firsts = np.full(len(points), -1, np.int32), np.zeros(side * side + 1, np.int64)
+    for k in range(len(points)):
+        i, j = int(points[k, 0] / _BIN_M + side / 2), int(points[k, 1] / _BIN_M + side / 2)
+        if heights_m[k] > low_m and 0 <= i < side and 0 <= j < side:
+            bin_of[k] = i * side + j
+            firsts[bin_of[k] + 1] += 1
+    firsts = np.cumsum(firsts)
+    rows, filled = np.empty(firsts[-1], np.int64), firsts.copy()
+    for k in range(len(points)):
+        if bin_of[k] >= 0:
+            rows[filled[bin_of[k]]] = k
+            filled[bin_of[k]] += 1
+    return rows, firsts
+
+
 @compiled((array_of(_F32, 2), array_of(_F32), array_of(np.float64, 2), NUMBER, NUMBER, WHOLE))
 def near_edges(
     points: Float32, heights_m: Float32, boxes: Float64, low_m: float, margin_m: float, least: int
@@ -231,34 +249,19 @@ def near_edges(
     edges_m = np.full((len(boxes), 2), np.nan)
     if len(boxes) == 0:
         return edges_m
-    # Returns in the order of square cells.
     reach_m = np.abs(boxes[:, :2]).max() + boxes[:, 3:5].max() + margin_m
     side = 2 * int(reach_m / _BIN_M) + 3
-    cell_of = np.full(len(points), -1, np.int32)
-    firsts = np.zeros(side * side + 1, np.int64)
-    for k in range(len(points)):
-        i, j = int(points[k, 0] / _BIN_M + side / 2), int(points[k, 1] / _BIN_M + side / 2)
-        if heights_m[k] > low_m and 0 <= i < side and 0 <= j < side:
-            cell_of[k] = i * side + j
-            firsts[cell_of[k] + 1] += 1
-    firsts = np.cumsum(firsts)
-    order, filled = np.empty(firsts[-1], np.int64), firsts.copy()
-    for k in range(len(points)):
-        if cell_of[k] >= 0:
-            order[filled[cell_of[k]]] = k
-            filled[cell_of[k]] += 1
-    places_m = np.empty((2, len(order)))
-    for row in range(len(boxes)):
-        x, y, top_m = boxes[row, 0], boxes[row, 1], boxes[row, 2] + boxes[row, 5] + _ABOVE_M
-        cos, sin = np.cos(boxes[row, 6]), np.sin(boxes[row, 6])
-        half_m = boxes[row, 3:5] / 2 + margin_m
+    rows, firsts = _rows_by_bin(points, heights_m, low_m, side)
+    places_m = np.empty((2, len(rows)))
+    for m in range(len(boxes)):
+        x, y, top_m = boxes[m, 0], boxes[m, 1], boxes[m, 2] + boxes[m, 5] + _ABOVE_M
+        cos, sin = np.cos(boxes[m, 6]), np.sin(boxes[m, 6])
+        half_m = boxes[m, 3:5] / 2 + margin_m
         around_m, count = np.hypot(half_m[0], half_m[1]), 0
-        first_j = int((y - around_m) / _BIN_M + side / 2)
-        last_j = int((y + around_m) / _BIN_M + side / 2)
-        for i in range(
-            int((x - around_m) / _BIN_M + side / 2), int((x + around_m) / _BIN_M + side / 2) + 1
-        ):
-            for k in order[firsts[i * side + first_j] : firsts[i * side + last_j + 1]]:
+        low_i, high_i = (x - around_m) / _BIN_M + side / 2, (x + around_m) / _BIN_M + side / 2
+        low_j, high_j = (y - around_m) / _BIN_M + side / 2, (y + around_m) / _BIN_M + side / 2
+        for i in range(int(low_i), int(high_i) + 1):
+            for k in rows[firsts[i * side + int(low_j)] : firsts[i * side + int(high_j) + 1]]:
                 dx, dy = points[k, 0] - x, points[k, 1] - y
                 along_m, across_m = cos * dx + sin * dy, cos * dy - sin * dx
                 is_in = abs(along_m) < half_m[0] and abs(across_m) < half_m[1]
@@ -268,8 +271,9 @@ def near_edges(
         if count < least:
             continue
         back_m = -(cos * x + sin * y), sin * x - cos * y  # from the box to the sensor
+        last = int(_INSIDE * (count - 1))
         for axis in range(2):
             if abs(back_m[axis]) >= _MIN_SINE * np.hypot(x, y):
-                towards_m = np.sort(np.sign(back_m[axis]) * places_m[axis, :count])
-                edges_m[row, axis] = towards_m[int(_INSIDE * (count - 1))]
+                towards_m = np.sign(back_m[axis]) * places_m[axis, :count]
+                edges_m[m, axis] = np.partition(towards_m, last)[last]
     return edges_m
