@@ -1,7 +1,7 @@
 """Actors of the traffic: vehicles, cyclists and pedestrians, parked or moving."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -152,6 +152,9 @@ _HEAVY_KINDS = [
     HeavyKind.FLATBED, HeavyKind.TRAILER, HeavyKind.BUS,
 ]  # fmt: skip
 
+_LIGHT_TRUCKS = (HeavyKind.LIGHT_BOX, HeavyKind.LIGHT_FLATBED)
+_PICK_UPS = 0.25  # share of the light trucks
+
 _HEAVY_LABELS = {
     HeavyKind.TRAILER: "Misc", HeavyKind.SEMI_TRAILER: "Misc", HeavyKind.TRAM: "Tram",
 }  # fmt: skip
@@ -173,6 +176,18 @@ def draw_mixed_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
     for style in [list(_MIXED_STYLES)[number] for number in styles]:
         size = float(rng.uniform(*_SIZES))
         bodies.append(_vehicle(style, rng, 1.0 if style.is_van else size))
+    return bodies
+
+
+def draw_light_trucks(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw trucks no longer than a van, and pick-ups, which only the finer table calls trucks."""
+    bodies = []
+    for number in range(count):
+        if rng.random() < _PICK_UPS:
+            pick_up = _vehicle(BodyStyle.PICK_UP, rng, float(rng.uniform(0.98, 1.1)))
+            bodies.append(replace(pick_up, category="Truck"))
+        else:
+            bodies.append(draw_heavy(_LIGHT_TRUCKS[number % len(_LIGHT_TRUCKS)], rng))
     return bodies
 
 

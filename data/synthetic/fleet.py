@@ -34,6 +34,9 @@ class Fleet:
         )
         self._riders = actor_models.draw_cyclists(rng, 2)
         self._vans = actor_models.draw_vans(rng, 3) if config.vans > 0 else []
+        self._light_trucks = (
+            actor_models.draw_light_trucks(rng, 3) if config.light_trucks > 0 else []
+        )
         self._trams = [actor_models.draw_heavy(HeavyKind.TRAM, rng)] if config.trams > 0 else []
         self._trailers = (
             [actor_models.draw_heavy(HeavyKind.SEMI_TRAILER, rng)] if config.heavy > 0 else []
@@ -68,7 +71,9 @@ class Fleet:
         return self.light()
 
     def light(self) -> Body:
-        """Draw a car or a van."""
+        """Draw a car, a van or a light truck."""
+        if self._is_one_of(self._light_trucks, self._config.light_trucks):
+            return self._one(self._light_trucks)
         is_van = self._is_one_of(self._vans, self._config.vans)
         return self._one(self._vans if is_van else self._light)
 

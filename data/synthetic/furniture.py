@@ -267,6 +267,24 @@ def shelter(rng: np.random.Generator) -> Mesh:
     return meshes.merge([*posts, *panes, poster, roof, meshes.moved(bench(), _at(0.5, 0.8))])
 
 
+def canopy(rng: np.random.Generator, length_m: float, depth_m: float) -> Mesh:
+    """Build a roof over a place in its middle, on posts, with a bench, a wall at the back, both or neither."""
+    half, side, top = length_m / 2, depth_m / 2, float(rng.uniform(2.3, 3.3))
+    radius = float(rng.uniform(0.04, 0.12))
+    rows = (side,) if rng.random() < 0.5 else (-side, side)
+    parts = [
+        meshes.tube((x, y, -0.3), (x, y, top), (radius, radius), Slot.METAL, 6)
+        for x in np.linspace(-half, half, 2 + int(length_m / 4)).tolist()
+        for y in rows
+    ]
+    parts.append(meshes.box((-half, -side, top), (half, side, top + 0.15), Slot.PANEL))
+    if rng.random() < 0.5:
+        parts.append(meshes.box((-half, side, 0.1), (half, side + 0.05, 2.1), Slot.WINDOW))
+    if rng.random() < 0.5:
+        parts.append(meshes.moved(bench(), _at(-0.9, side - 0.6)))
+    return meshes.merge(parts)
+
+
 def bench() -> Mesh:
     """Build a bench of 1.8 m along x, its back away from the road."""
     legs = [meshes.box((x, 0, -0.2), (x + 0.08, 0.45, 0.42), Slot.CONCRETE) for x in (0.2, 1.5)]

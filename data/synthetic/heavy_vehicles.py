@@ -23,6 +23,8 @@ class HeavyKind(Enum):
 
     BOX_TRUCK = "box truck"
     FLATBED = "flatbed truck"
+    LIGHT_BOX = "light box truck"
+    LIGHT_FLATBED = "light flatbed truck"
     ARTICULATED = "articulated truck"
     BUS = "bus"
     TRAILER = "trailer"
@@ -66,6 +68,8 @@ class HeavyDesign:
 _RANGES_M = {
     HeavyKind.BOX_TRUCK: ((5.6, 9.5), (2.1, 2.55), (2.6, 3.7), (1.7, 2.2), (2.3, 2.9), (0.8, 1.1)),
     HeavyKind.FLATBED: ((5.4, 9.0), (2.05, 2.5), (2.3, 2.9), (1.7, 2.2), (2.3, 2.9), (0.9, 1.2)),
+    HeavyKind.LIGHT_BOX: ((4.6, 6.6), (1.7, 2.3), (1.8, 3.1), (1.3, 1.7), (1.85, 2.3), (0.75, 0.95)),
+    HeavyKind.LIGHT_FLATBED: ((4.6, 6.2), (1.65, 2.1), (1.85, 2.3), (1.3, 1.7), (1.85, 2.3), (0.75, 0.95)),
     HeavyKind.ARTICULATED: ((13.0, 16.5), (2.5, 2.55), (3.5, 4.0), (2.1, 2.4), (3.0, 3.7), (1.1, 1.25)),
     HeavyKind.BUS: ((10.5, 13.0), (2.5, 2.55), (2.9, 3.3), (0.0, 0.0), (0.0, 0.0), (0.35, 0.5)),
     HeavyKind.TRAILER: ((2.2, 5.5), (1.4, 2.2), (1.1, 2.5), (0.0, 0.0), (0.0, 0.0), (0.45, 0.6)),
@@ -73,15 +77,20 @@ _RANGES_M = {
     HeavyKind.TRAM: ((14.0, 22.0), (2.3, 2.65), (3.2, 3.5), (0.0, 0.0), (0.0, 0.0), (0.35, 0.5)),
 }  # fmt: skip
 
+_FLATBEDS = (HeavyKind.FLATBED, HeavyKind.LIGHT_FLATBED)
+_SMALL_WHEELS = (
+    HeavyKind.LIGHT_BOX, HeavyKind.LIGHT_FLATBED, HeavyKind.TRAILER, HeavyKind.TRAM,
+)  # fmt: skip
+
 
 def draw_design(kind: HeavyKind, rng: np.random.Generator) -> HeavyDesign:
     """Draw a vehicle of one kind."""
     ranges = np.array(_RANGES_M[kind])
     length, width, height, cab, cab_height, deck = rng.uniform(ranges[:, 0], ranges[:, 1]).tolist()
-    if kind is HeavyKind.FLATBED:
+    if kind in _FLATBEDS:
         height = cab_height
     cab_height = min(cab_height, height)
-    wheel = 0.33 if kind in (HeavyKind.TRAILER, HeavyKind.TRAM) else 0.40 + 0.012 * min(length, 8.0)
+    wheel = 0.33 if kind in _SMALL_WHEELS else 0.40 + 0.012 * min(length, 8.0)
     axles = _axles(kind, length, wheel)
     return HeavyDesign(kind, length, width, height, cab, cab_height, deck, wheel, axles)
 
@@ -213,7 +222,7 @@ def _frame(design: HeavyDesign) -> Mesh:
 def _cargo(design: HeavyDesign, front_m: float) -> list[Mesh]:
     """Build what is behind the cab: a box, or a deck between low walls."""
     half, side, low = design.length_m / 2, design.width_m / 2, design.deck_m
-    if design.kind is not HeavyKind.FLATBED:
+    if design.kind not in _FLATBEDS:
         box = meshes.box((-half, -side, low), (front_m, side, design.height_m), Slot.CARGO)
         return [meshes.textured(box, box.vertices_m[:, [0, 2]])]
     high = low + 0.45

@@ -3,11 +3,12 @@
 import numpy as np
 
 from data.synthetic import actors as actor_models
-from data.synthetic import street, traffic
+from data.synthetic import furniture, meshes, street, traffic
 from data.synthetic.actors import Actor, Body
 from data.synthetic.fleet import Fleet
 from data.synthetic.motion import Path
 from data.synthetic.road import Road
+from data.synthetic.street import Part
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig
@@ -190,16 +191,24 @@ class TrafficGenerator:
                 beside = Path(self.times_s, s_m, l_m, direction)
                 self._try_add(self._pedestrian(stands), beside, radius_m)
 
-    def add_bystanders(self, stretch_m: tuple[float, float]) -> None:
-        """Add groups who wait on the pavements, and people beside parked vehicles and between them."""
+    def add_bystanders(self, stretch_m: tuple[float, float]) -> list[Part]:
+        """Add groups who wait on the pavements, and people beside parked vehicles and between them.
+
+        Return the roofs over some of these groups.
+        """
+        roofs = []
         rng, shape, length_m = self.rng, self.road.shape, stretch_m[1] - stretch_m[0]
         parked = [actor for actor in self.actors if actor.path is None]
         for _ in range(int(self.config.waiting * length_m / 100)):
             s_m, side = float(rng.uniform(*stretch_m)), float(rng.choice([-1, 1]))
             l_m = shape.half_width_m + float(rng.uniform(0.4, max(0.5, shape.pavement_m - 0.4)))
             middle_m = self.road.place(np.array(s_m), np.array(side * l_m))
-            for _ in range(int(rng.integers(1, 8))):
-                self._add_standing(middle_m[:2] + rng.normal(0, (0.9, 0.7)), parked)
+            count, spread_m = int(rng.integers(1, 8)), np.array([0.9, 0.7])
+            if self._draws(self.config.sheltered):
+                count, spread_m = 2 * count, 2 * spread_m
+                roofs.append(self._roof(s_m, side * l_m))
+            for _ in range(count):
+                self._add_standing(middle_m[:2] + rng.normal(0, spread_m), parked)
         for actor in parked:
             if self._draws(self.config.at_vehicles):
                 half_m = np.array(actor.body.size_m[:2]) / 2
@@ -207,6 +216,14 @@ class TrafficGenerator:
                 along_m = rng.uniform(-half_m[0] - 0.5, half_m[0] + 0.5)
                 pose = actor.world_SE3_parked
                 self._add_standing((pose @ [along_m, beside_m, 0, 1])[:2], parked)
+        return roofs
+
+    def _roof(self, s_m: float, l_m: float) -> Part:
+        """Build a roof over a place of a pavement."""
+        size_m = self.rng.uniform((3.0, 1.6), (10.0, 4.0)).tolist()
+        pose = street.upright_pose(self.road, s_m, l_m, 0.0 if l_m > 0 else np.pi)
+        mesh = meshes.moved(furniture.canopy(self.rng, *size_m), pose)
+        return Part(mesh, furniture.panel_palette(self.rng))
 
     def _add_standing(self, place_m: Float64, parked: list[Actor]) -> None:
         """Let someone stand at a place of the world, facing anywhere, unless it is taken."""

@@ -193,7 +193,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     parking = Parking(road, plan.fleet, config.town.parking, plan.actors, rng)
     parking.along_road(stretch, plan.clearings, config.town.parking_rad, land_outside(bays))
     parking.off_road(parking_lots)
-    plan.add_bystanders(stretch)
+    parts += plan.add_bystanders(stretch)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 

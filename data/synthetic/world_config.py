@@ -23,6 +23,7 @@ class WorldConfig:
         is_mixed_fleet: Whether vehicles of all styles drive, and not only the commonest.
         heavy: Share of the vehicles that are trucks or buses.
         vans: Share of the cars and vans that are vans, beside those of the fleet.
+        light_trucks: Share of the cars and vans, driving and parked, that are light trucks and pick-ups instead.
         trams: Share of the vehicles that are trams.
         trailers: Share of the cars that tow a small trailer, and of the parking places with one.
         motorcyclists: Share of the vehicles that are motorcycles and scooters.
@@ -32,6 +33,7 @@ class WorldConfig:
         groups: Share of the pedestrians who walk or stand in groups of two to five.
         is_mixed_crowd: Whether children and people of all builds walk and stand, with and without bags.
         waiting: Number of groups of one to seven people per 100 m of street who stand on the pavements.
+        sheltered: Share of these groups that stand under the roof of a bus stop, and are twice as large.
         at_vehicles: Share of the parked vehicles with someone beside them.
         footpath_m: Distance in metres from the pavements to a footpath that half of the pedestrians
             and cyclists take, 0 for none.
@@ -54,6 +56,7 @@ class WorldConfig:
     is_mixed_fleet: bool = False
     heavy: float = 0.0
     vans: float = 0.0
+    light_trucks: float = 0.0
     trams: float = 0.0
     trailers: float = 0.0
     motorcyclists: float = 0.0
@@ -63,6 +66,7 @@ class WorldConfig:
     groups: float = 0.0
     is_mixed_crowd: bool = False
     waiting: float = 0.0
+    sheltered: float = 0.0
     at_vehicles: float = 0.0
     footpath_m: float = 0.0
     crossing_every_s: float = 11.0

@@ -32,9 +32,15 @@ def draw_config(rng: np.random.Generator) -> WorldConfig:
 
 
 def furnished_street(rng: np.random.Generator) -> WorldConfig:
-    """Draw a world of one of the kinds, with low signs, bollards, pillars and narrow plants beside people."""
+    """Draw a world of one of the kinds, with low signs, bollards, pillars and narrow plants beside people, and light trucks."""
     config = draw_config(rng)
-    config = replace(config, waiting=_between(rng, 1, 6), groups=_between(rng, 0, 0.5))
+    config = replace(
+        config,
+        waiting=_between(rng, 1, 6),
+        groups=_between(rng, 0, 0.5),
+        sheltered=_between(rng, 0, 0.6),
+        light_trucks=_between(rng, 0, 0.3),
+    )
     return replace(config, clutter=_drawn(rng, config.clutter, low_furniture=(4, 40)))
 
 

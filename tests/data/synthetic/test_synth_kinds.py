@@ -326,3 +326,41 @@ def test_a_tunnel_encloses_the_road_and_no_daylight_reaches_its_middle():
     rays = Rays(origins, aimed, np.zeros(len(aimed), np.float32), near_any(origins, aimed))
     hits = world.scene.cast(rays, [])
     assert (hits.distance_m < outer_m + 2.5).all()
+
+
+def test_light_trucks_are_no_longer_than_vans_and_fill_their_boxes():
+    bodies = actors.draw_light_trucks(np.random.default_rng(0), 12)
+    for body in bodies:
+        low, high = body.poses[0].vertices_m.min(axis=0), body.poses[0].vertices_m.max(axis=0)
+        assert body.category == "Truck"
+        assert 4.5 < body.size_m[0] < 6.7
+        assert (low[2], high[2]) == pytest.approx((0.0, body.size_m[2]), abs=0.05)
+        assert high[0] - low[0] == pytest.approx(body.size_m[0], abs=0.06)
+    assert {body.kind for body in bodies} == {"Truck", "Car"}  # KITTI calls pick-ups cars
+
+
+def test_light_trucks_drive_and_park():
+    road = RoadShape(curvature_1_m=0.0, parking_m=2.3)
+    world = build_world(WorldConfig(road=road, light_trucks=0.5), 1.0, np.random.default_rng(0))
+    trucks = [actor for actor in world.actors if actor.body.category == "Truck"]
+    assert any(actor.path is None for actor in trucks)
+    assert any(actor.path is not None for actor in trucks)
+
+
+def test_groups_wait_under_roofs():
+    road = RoadShape(curvature_1_m=0.0, pavement_m=4.0)
+    config = WorldConfig(road=road, pedestrians=0.0, cyclists=0.0, waiting=3.0, crossing_every_s=0.0)  # fmt: skip
+    worlds = [
+        build_world(replace(config, sheltered=share), 1.0, np.random.default_rng(2))
+        for share in (0.0, 1.0)
+    ]
+    above = []
+    for world in worlds:
+        people = [actor for actor in world.actors if actor.body.is_person]
+        feet_m = np.array([person.world_SE3_parked[:3, 3] for person in people])
+        heads_m = (feet_m + np.array([0.0, 0.0, 2.1])).astype(np.float32)
+        up = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(heads_m), 1))
+        rays = Rays(heads_m, up, np.zeros(len(up), np.float32), near_any(heads_m, up))
+        above.append((world.scene.cast(rays, []).distance_m < 1.5).mean())
+    assert above[0] < 0.1  # trees and signs
+    assert above[1] > 0.5
