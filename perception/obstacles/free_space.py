@@ -17,7 +17,7 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 _MAX_TRAVEL_M = 12.0
 # Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
 # 5 cm and the slant of a surface within a pixel.
-_MARGIN_M = 0.2
+MARGIN_M = 0.2
 # A place tells nothing where the poses of two scans may put it farther apart than this: a deviation, beyond the largest of
 # faultless drives (0.26 m). What does not move would fill free space there.
 _MAX_DEVIATION_M = 0.3
@@ -85,7 +85,7 @@ class FreeSpaceMemory:
             horizon_s: Age of the oldest queried scan in seconds.
             reach_m: Distance over the ground plane within which all places are; else that of any return.
         """
-        self._projection = SphericalProjection(sensor, tolerance_m=_MARGIN_M / 2)
+        self._projection = SphericalProjection(sensor, tolerance_m=MARGIN_M / 2)
         self._reach_m = np.array([reach_m])
         self._max_age_s = horizon_s + 0.5 / sensor.rate_hz  # stamps jitter
         self._scans: deque[_PastScan] = deque()
@@ -119,7 +119,7 @@ class FreeSpaceMemory:
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
-        free = self._scans[-1].image.are_free(points_velo, _MARGIN_M)
+        free = self._scans[-1].image.are_free(points_velo, MARGIN_M)
         return free & ~self._are_doubtful(points_velo, np.zeros((6, 6)))
 
     def _are_doubtful(self, points_velo: Float32, covariance: Float64) -> Bool:
@@ -133,8 +133,11 @@ class FreeSpaceMemory:
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
+        past = self._scans[-1 - age]
         points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-        return self._scans[-1 - age].image.visibility(points_past, _MARGIN_M).states
+        states = past.image.visibility(points_past, MARGIN_M).states
+        states[self._are_doubtful(points_velo, past.covariance)] = Visibility.UNKNOWN
+        return states
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
@@ -145,7 +148,7 @@ class FreeSpaceMemory:
         for row, age in enumerate(ages):
             past, past_SE3_newest = self._scans[-1 - age], self._past_SE3_newest(age)
             points_past = se3.transform_points(past_SE3_newest, points_velo)
-            visibility = past.image.visibility(points_past, _MARGIN_M)
+            visibility = past.image.visibility(points_past, MARGIN_M)
             was_free[row] = visibility.states == Visibility.FREE
             was_hit[row] = visibility.states == Visibility.HIT
             gaps_m[row] = visibility.gaps_m
@@ -172,7 +175,7 @@ class FreeSpaceMemory:
         for age in range(1, self._oldest_age() + 1):
             scan = self._scans[-1 - age]
             points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-            ends, passes = scan.image.returns(points_past, _MARGIN_M)
+            ends, passes = scan.image.returns(points_past, MARGIN_M)
             left += ends & was_empty
             visible += ends | passes
             was_empty |= passes & ~ends

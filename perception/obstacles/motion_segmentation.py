@@ -189,11 +189,8 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
         was_moving = are_in_cells_of(places, before, NEAR_MOVING_M)
-        occupied = OccupiedPlaces(
-            places, clusters, votes.appeared, is_new, was_moving, moves, self._area
-        )
-        age_s = float(history.ages_s[-1])
-        return moving_bodies(occupied, self._memory, age_s)
+        occupied = OccupiedPlaces(places, clusters, is_new, was_moving, moves, self._area)
+        return moving_bodies(occupied, self._memory)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones at the start of a drive."""

@@ -10,7 +10,6 @@ from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.obstacles import rigid_bodies
 from perception.obstacles.config import MotionConfig, MotionCountersConfig
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
@@ -146,30 +145,6 @@ def test_the_smooth_side_of_a_long_vehicle_moves_with_its_ends(speed_m_s):
     assert moving_share(owner, states, 1) == 0
 
 
-@pytest.mark.parametrize(
-    ("gap_m", "moves"), [(0.0, True), (0.4, False)], ids=["side of a lorry", "fence"]
-)
-def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m, moves, monkeypatch):
-    starts = np.cumsum(np.random.default_rng(3).uniform(0.1, 0.1 + 2 * gap_m, 30))
-    pickets = starts[starts < 6.0] if gap_m else [0.0]
-
-    def scan(k):
-        side = [box(4.0 + 0.1 * k + x, 5.0, 0.08 if gap_m else 6.0, 0.05, 1.6) for x in pickets]
-        return cast(HDL_64E, (0.0, 0.0), [WALL, *side])
-
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
-    for k in range(16):
-        points, owner = scan(k)
-        memory.push(points, np.eye(4), 0.1 * k)
-    places = np.random.default_rng(3).permutation(points[owner > 0, :3])
-    every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
-    occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, LocalArea())
-    assert moving_bodies(occupied, memory, 1.5).any() == moves
-    monkeypatch.setattr(rigid_bodies, "MIN_WIDTH_M", 0.0)
-    monkeypatch.setattr(rigid_bodies, "MAX_LENGTH_PER_WIDTH", np.inf)
-    assert moving_bodies(occupied, memory, 1.5).any()
-
-
 def moves_as_a_body(scene, area=AREA):
     """Return whether what has a box after the first moves as one body in the last of 16 scans."""
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
@@ -178,8 +153,8 @@ def moves_as_a_body(scene, area=AREA):
         memory.push(points, np.eye(4), 0.1 * k)
     places = points[(owner == 1) & area.contains_xy(points), :3]
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
-    occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, area)
-    return bool(moving_bodies(occupied, memory, 1.5).any())
+    occupied = OccupiedPlaces(places, every.astype(np.int64), every, none, none, area)
+    return bool(moving_bodies(occupied, memory).any())
 
 
 @pytest.mark.parametrize("hidden_scans", [0, 4, 14])
@@ -191,15 +166,15 @@ def test_a_body_hidden_from_the_oldest_scan_moves_by_a_younger_one(hidden_scans)
     assert moves_as_a_body(scene) == (hidden_scans < 10)
 
 
-def test_an_end_at_the_edge_of_the_area_is_cut_off():
-    places = np.array([[x, 4.0, 0.0] for x in np.linspace(14.0, 24.9, 50)], np.float32)
-    every, none = np.ones(50, bool), np.zeros(50, bool)
-    occupied = OccupiedPlaces(places, every.astype(np.int64), none, none, none, none, LocalArea())
-    ahead = np.array([1.0, 0.0, 0.0], np.float32)
-    tips = np.array([49]), np.array([0])
-    assert occupied.are_cut(tips[0], ahead)  # the area ends at 25 m
-    assert not occupied.are_cut(tips[1], -ahead)
-    assert not occupied.are_cut(tips[0], np.array([0.0, 1.0, 0.0], np.float32))
+def test_a_body_of_one_visible_side_moves():
+    assert moves_as_a_body(lambda k: [WALL, box(4.0 + 0.1 * k, 5.0, 6.0, 0.05, 1.6)])
+
+
+def test_a_body_that_rests_behind_one_that_passes_does_not_move():
+    def scene(k):
+        return [WALL, box(8.0, 5.0, 4.2, 1.8, 1.5), box(-2.0 + 0.6 * k, 2.0, 6.0, 2.5, 3.0)]
+
+    assert not moves_as_a_body(scene)
 
 
 def test_a_wide_trailer_moves_with_the_narrow_end_that_appeared():
