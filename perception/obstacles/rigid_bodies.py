@@ -22,9 +22,9 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 Rows = TypeVar("Rows", Int, Float32)
 _HEADINGS_RAD = np.radians(np.arange(0.0, 90.0, 1.5))
 _OUTLINE_POINTS, _FAR_INSIDE_M = 150, 0.3
-_SAMPLES = 24  # voxels of each end and of the whole body
+_SAMPLES = 16  # voxels of each end and of the whole body
 
-_MIN_VOXELS = 50  # of a body; of these, so many are new or moved before
+_MIN_VOXELS = 30  # of a body; of these, so many are new or moved before
 _MIN_NEW_VOXELS = 10
 # Of a cluster wider than a lorry with its mirrors, only what is in line with what is new is a body. Along its shorter axis
 # only what is no longer than that is one.
