@@ -91,6 +91,7 @@ class VehicleObservations(ArrayTable):
         axis_rad: (D,) standard deviations of the axes of the boxes; NaN where they are not known.
         class_scores: (D, C) highest score of each class at the place of the detection.
         existence: (D,) probability that an object of any class is there.
+        is_above: (D,) whether it was found from above, where no returns of another object can be taken for its own.
     """
 
     rows: Int
@@ -102,6 +103,7 @@ class VehicleObservations(ArrayTable):
     axis_rad: Float64
     class_scores: Annotated[Float64, ...]
     existence: Float64
+    is_above: Bool
 
     @classmethod
     def of(
@@ -160,6 +162,7 @@ class VehicleObservations(ArrayTable):
             vehicles.box_deviations.yaw_rad[rows],
             class_scores[kept],
             with_heights(likely[kept], heights_m, detections),
+            np.isfinite(vehicles.bev_scores[rows]),
         )
 
 

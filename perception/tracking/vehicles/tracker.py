@@ -74,6 +74,7 @@ _CLASS_CHANGE_COST = 10.0  # cost of a detection of another class than that of t
 # Maximum squared distance of a detection, four sides and a position, in standard deviations: all
 # but 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
 _MAX_COST = 30.0
+_MAX_GROUND_COST = 20.0  # the same of the position of what was found from above
 _OUTLINE_WEIGHT = 0.6  # of the outline of a 3D box in the reported box of a vehicle in the image
 _MAX_OUTLINE_SHARE = 0.4  # maximum difference of their sides, in width and height, where they agree
 _MAX_UNLOCATED_S = 2.0  # after which a track has the place and the class of its image alone
@@ -235,8 +236,9 @@ class VehicleTracker:
         expected_px, detections = np.nan_to_num(expected_px), observations.detections
         on_ground, gate = position_distances(tracks, observations), motion_model.GATE
         is_near = on_ground <= gate
-        # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
-        on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
+        # The returns in an image may be those of what hides the object: beyond the gate the cost of a place is constant.
+        limits = np.where(observations.is_above, _MAX_GROUND_COST, gate)
+        on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), limits)
         deviations_px = self._side_deviations_px(expected_px)
         in_image = _side_distances(expected_px, detections.boxes_px, deviations_px)
         # What has come far since the last frame need not overlap its old box.
