@@ -89,6 +89,7 @@ class VehicleObservations(ArrayTable):
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
         axis_rad: (D,) standard deviations of the axes of the boxes; NaN where they are not known.
+        size_deviations_m: (D, 3) standard deviations of length, width and height; NaN where they are not known.
         class_scores: (D, C) highest score of each class at the place of the detection.
         existence: (D,) probability that an object of any class is there.
         is_above: (D,) whether it was found from above, where no returns of another object can be taken for its own.
@@ -101,6 +102,7 @@ class VehicleObservations(ArrayTable):
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
     axis_rad: Float64
+    size_deviations_m: Annotated[Float64, 3]
     class_scores: Annotated[Float64, ...]
     existence: Float64
     is_above: Bool
@@ -160,6 +162,7 @@ class VehicleObservations(ArrayTable):
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             vehicles.box_deviations.yaw_rad[rows],
+            vehicles.box_deviations.size_m[rows],
             class_scores[kept],
             with_heights(likely[kept], heights_m, detections),
             np.isfinite(vehicles.bev_scores[rows]),

@@ -25,7 +25,8 @@ _MAX_RIDING_VOTES = 10  # detections above that speed, less those below, that se
 _BOX_GAIN = 0.5  # gain of the correction of a box in the image
 # Time located elsewhere than predicted, by the frame before, after which a track moves there.
 RELOCATE_AFTER_S = 0.25
-_HEADING_MEMORY = 0.7  # share of the past observations of the heading that the next one leaves
+# Time constants of the memories of an axis and of a size, and the deviation below which one observation weighs no more.
+_AXIS_MEMORY_S, _SIZE_MEMORY_S, _SURE_SIZE_M = 0.5, 4.0, 0.1
 _SIDEWAYS_M_S = 1.0  # standard deviation of the velocity of a vehicle across its axis
 _SURE_AXIS_RAD = 0.05  # standard deviation of an observed axis, of which half the weight is left
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
@@ -35,7 +36,6 @@ SMALL_LENGTH_M = 2.2  # of people on foot and on two wheels, whose outline hardl
 _SMALL_COURSE_SPEED_M_S = 0.6  # both minimum speeds of these
 _SMALL_COURSE_WEIGHT = 5.0  # number of observations of the outline that their course outweighs
 _MAX_FRONT_VOTES = 10  # courses that opposite ones have to outweigh before front and rear change
-_MAX_SIZE_SAMPLES = 12  # maximum number of observations that a size is averaged over
 _MAX_SPEED_DEVIATION_M_S = 2.0  # maximum standard deviation of a reported velocity
 
 
@@ -91,7 +91,7 @@ def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> Vehi
         axis=_axes(observations),
         front_votes=np.zeros(count, np.int64),
         sizes_m=boxes.size_m,
-        size_samples=np.ones(count, np.int64),
+        size_weights=_size_weights(observations),
     )
     return _anchored(tracks, frame)
 
@@ -216,7 +216,7 @@ def _placed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleT
             tracks.is_located, _nearer_end(boxes.yaw_rad, tracks.yaw_rad), boxes.yaw_rad
         ),
         sizes_m=boxes.size_m,
-        size_samples=np.ones(len(tracks), np.int64),
+        size_weights=_size_weights(observations),
         low_world_m=boxes.bottom_m[:, 2],
         # It may be another object.
         travelled_m=np.zeros(len(tracks)),
@@ -228,10 +228,12 @@ def _corrected(
     tracks: VehicleTable, observations: VehicleObservations, frame: FrameGeometry
 ) -> VehicleTable:
     boxes = observations.boxes_world
-    size_samples = np.minimum(tracks.size_samples + 1, _MAX_SIZE_SAMPLES)
-    share = 1.0 / size_samples
-    sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
-    axis = _HEADING_MEMORY * tracks.axis + _axes(observations)
+    elapsed_s = frame.stamp_s - tracks.last_located_s
+    size_weights = tracks.size_weights * np.exp(-elapsed_s / _SIZE_MEMORY_S)[:, None]
+    size_weights += (found := _size_weights(observations))
+    shares = found / size_weights
+    sizes_m = tracks.sizes_m + shares * (boxes.size_m - tracks.sizes_m)
+    axis = tracks.axis * np.exp(-elapsed_s / _AXIS_MEMORY_S)[:, None] + _axes(observations)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     away_m = from_world(boxes.bottom_m[:, :2] - frame.world_SE3_velo[:2, 3], boxes.yaw_rad)
     shift_m = shift_behind(away_m, boxes.size_m[:, :2], sizes_m[:, :2], boxes.yaw_rad)
@@ -241,12 +243,16 @@ def _corrected(
         axis=axis,
         yaw_rad=yaw_rad,
         sizes_m=sizes_m,
-        size_samples=size_samples,
-        low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
+        size_weights=size_weights,
+        low_world_m=tracks.low_world_m + shares[:, 2] * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
     tracks = replace(tracks, riding_votes=_riding_votes(tracks))
-    elapsed_s = frame.stamp_s - tracks.last_located_s
     return _turned_to_course(tracks, boxes.yaw_rad, elapsed_s)
+
+
+def _size_weights(observations: VehicleObservations) -> Float64:
+    """Return (D, 3) weights of observed sizes, by their deviations; alike where these are not known."""
+    return np.asarray(1 / (np.nan_to_num(observations.size_deviations_m) ** 2 + _SURE_SIZE_M**2))
 
 
 def _riding_votes(tracks: VehicleTable) -> Int:

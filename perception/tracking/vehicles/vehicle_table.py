@@ -63,7 +63,7 @@ class VehicleTable(GroundPlaneTracks):
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
         front_votes: (T,) observations of the course that agree with the heading, less those against it.
         sizes_m: (T, 3) mean length, width and height.
-        size_samples: (T,) number of observations of the mean.
+        size_weights: (T, 3) weights of the observations of the mean.
     """
 
     modes: MotionModes
@@ -83,7 +83,7 @@ class VehicleTable(GroundPlaneTracks):
     axis: Annotated[Float64, 2]
     front_votes: Int
     sizes_m: Annotated[Float64, 3]
-    size_samples: Int
+    size_weights: Annotated[Float64, 3]
 
     def moved(self, modes: MotionModes) -> Self:
         """Return the tracks with other motions."""
