@@ -18,7 +18,7 @@ from typing import Any
 import torch
 
 from data.array_store import entry_key
-from data.label_proposals.proposed_labels import NO_PROPOSALS, read_proposals
+from data.label_proposals.proposed_labels import read_proposals
 from data.open_drive import open_drive, open_drives
 from data.recorded_drive import RecordedDrive
 from data.splits.draw import split_in_time
@@ -146,9 +146,8 @@ class Adaptation:
         config, network = self._config, self._network
         learned = self._synthetic("learned", config.scans, bars)
         guard = self._synthetic("guard", max(config.scans // _GUARD_SHARE, 1), bars)
-        guards = {SYNTHETIC: network.samples(guard, _MEASURED_SCANS, NO_PROPOSALS)} | {
-            name: network.samples([one], _MEASURED_SCANS, NO_PROPOSALS)
-            for name, one in self._guards.items()
+        guards = {SYNTHETIC: network.samples(guard, _MEASURED_SCANS, {})} | {
+            name: network.samples([one], _MEASURED_SCANS, {}) for name, one in self._guards.items()
         }
         # Drives are named as often as half of the samples are of them.
         frames = sum(len(one.frames["train"]) for one in self._parts)
@@ -237,7 +236,7 @@ class Adaptation:
         own = [one for one in kept if one.has_labels and one.name in self._proposals]
         sets = {KEPT: self._network.samples(kept, _MEASURED_SCANS, self._proposals)}
         if own:
-            sets[OWN_LABELS] = self._network.samples(own, _MEASURED_SCANS, NO_PROPOSALS)
+            sets[OWN_LABELS] = self._network.samples(own, _MEASURED_SCANS, {})
         return sets
 
     def _synthetic(

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 from data.array_store import entry_key
 from data.label_proposals.config import ProposedLabelConfig
@@ -55,10 +54,6 @@ class ProposedLabels:
     def at(self, frame_name: str) -> Labels | None:
         """Return the labels of a frame, None of one that was not read."""
         return self._labels.get(frame_name)
-
-
-NO_PROPOSALS: Mapping[str, ProposedLabels] = MappingProxyType({})
-"""Proposals of no drive."""
 
 
 def read_proposals(folders: Mapping[str, Path] | None) -> Mapping[str, ProposedLabels]:

@@ -15,7 +15,7 @@ from data.derived.motion_labels import LabelledAround, require_located
 from data.frame_fingerprint import code_fingerprint
 from data.kitti.labels import empty_labels, read_object_labels, read_tracking_labels
 from data.kitti.objects import ObjectFrames
-from data.label_proposals.proposed_labels import NO_PROPOSALS, ProposedLabels
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.labelled_objects import box_owners
 from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
@@ -79,7 +79,7 @@ class LabelledScans(CachedFrames):
         drives: Sequence[Drive],
         grid: BevGrid,
         store: ArrayStore,
-        proposals: Mapping[str, ProposedLabels] = NO_PROPOSALS,
+        proposals: Mapping[str, ProposedLabels] | None = None,
     ) -> None:
         """Number the scans.
 
@@ -90,7 +90,7 @@ class LabelledScans(CachedFrames):
             proposals: Proposed labels by the name of a drive, in place of its own.
         """
         super().__init__(drives, store)
-        self.grid, self.proposals = grid, proposals
+        self.grid, self.proposals = grid, dict(proposals or {})
         code = code_fingerprint(perception.obstacles, bev_map, Path(__file__))
         self._settings = {"reach_m": grid.reach_m, "code": code}
 

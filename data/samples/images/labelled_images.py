@@ -9,7 +9,7 @@ import numpy as np
 
 from data.array_store import Arrays, ArrayStore
 from data.frames import file_number, frame_name
-from data.label_proposals.proposed_labels import NO_PROPOSALS, ProposedLabels
+from data.label_proposals.proposed_labels import ProposedLabels
 from data.labels_in_view import labels_of_camera
 from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
@@ -30,7 +30,7 @@ class LabelledImages(CachedFrames):
         drives: Sequence[Drive],
         config: ImageConfig,
         store: ArrayStore,
-        proposals: Mapping[str, ProposedLabels] = NO_PROPOSALS,
+        proposals: Mapping[str, ProposedLabels] | None = None,
     ) -> None:
         """Number the frames.
 
@@ -41,7 +41,7 @@ class LabelledImages(CachedFrames):
             proposals: Proposed labels by the name of a drive, in place of its own.
         """
         super().__init__(drives, store)
-        self.config, self.proposals = config, proposals
+        self.config, self.proposals = config, dict(proposals or {})
         self._settings = image_settings(config)
         self._sizes_px: dict[int, tuple[int, int]] = {}
         self._regions: dict[int, PixelRectangle] = {}
