@@ -73,7 +73,8 @@ def test_ground_and_motion(drive):
         sum(ground_confusion(points_velo, states, truth.classes, area).values(), Confusion())
         for area in (CONFIG.area_of(drive.sensor), MOVING_OBJECT_AREA)
     )
-    assert around.precision == pytest.approx(0.994, abs=2e-3)
+    assert around.precision == pytest.approx(0.981, abs=2e-3)
+    assert around.recall == pytest.approx(0.967, abs=2e-3)
     assert (near.precision, near.recall) == (
         pytest.approx(1, abs=2e-3),
         pytest.approx(1, abs=0.01),
