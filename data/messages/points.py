@@ -17,7 +17,8 @@ _FIELDS = (
     ("id", "<i4", 16),
     ("class", "u1", 20),
 )
-_WORDS = 6  # of 4 bytes in a point, the last of which is the class: the bytes behind it are padding
+# How they are written: position and intensity as one value, which is faster; the bytes behind the class are padding.
+_POINT = np.dtype([("position_and_intensity", "<c16"), ("id", "<i4"), ("class", "<i4")])
 # Numbers of the formats in `sensor_msgs/PointField`.
 _DATATYPES = {"u1": 2, "<i4": 5, "<f4": 7}
 
@@ -29,12 +30,9 @@ def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
     that a point belongs to, else -1.
     """
     points = result.frame.points_velo
-    # Columns of words are faster than a block of them, and than fields.
-    rows = np.empty((len(points), _WORDS), "<f4")
-    for column in range(4):
-        rows[:, column] = points[:, column]
-    words = rows.view("<i4")
-    words[:, 4], words[:, 5] = _vehicle_ids(result), result.obstacles.point_states
+    rows = np.empty(len(points), _POINT)
+    rows["position_and_intensity"] = np.ascontiguousarray(points[:, :4], "<f4").view("<c16")[:, 0]
+    rows["id"], rows["class"] = _vehicle_ids(result), result.obstacles.point_states
     fields = [
         message(
             "sensor_msgs/PointField",
@@ -51,9 +49,9 @@ def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
         height=1,
         width=len(rows),
         fields=fields,
-        point_step=rows.itemsize * _WORDS,
+        point_step=rows.itemsize,
         row_step=rows.nbytes,
-        data=rows.view(np.uint8).ravel(),
+        data=rows.view(np.uint8),
         is_dense=True,
     )
 
