@@ -1,16 +1,24 @@
-"""Second detections of one object, which neither begin nor continue a track, and are not shown beside it."""
+"""Second detections of one object, which neither begin nor continue a track, and second tracks, which become one."""
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from perception.geometry.box_overlap import iou_bev
-from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.tracking.vehicles.observations import VehicleObservations
-from perception.types import Bool, Float64, Int, Vehicles
+from perception.geometry.box_overlap import iou_bev, paired_iou_bev
+from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px, paired_iou_px
+from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
+from perception.tracking.vehicles.track_update import expected_boxes_px
+from perception.tracking.vehicles.vehicle_table import VehicleTable
+from perception.types import Bool, Boxes3D, Float64, Int, Vehicles
 
 _MIN_IOU = 0.4  # minimum IoU in the image, unless the returns of both lie apart
 _MIN_IOU_APART = 0.75  # minimum IoU in the image where the returns of both lie apart
 _MIN_IOU_CAMERAS = 0.1  # minimum IoU from above of two boxes of different cameras; one is tracked
 _MIN_SHARE = 0.7  # minimum share of a box without returns that lies within the other
+# Minimum IoU of two tracks of one object, from above and in the image: two objects cannot be at one place, but returns of
+# a hiding object may put another there.
+_MIN_IOU_TRACKS, _MIN_IOU_TRACKS_PX = 0.3, 0.35
 
 
 def is_duplicate(observations: VehicleObservations) -> Bool:
@@ -59,6 +67,63 @@ def covered(observations: VehicleObservations, others: VehicleObservations) -> B
         (overlap >= np.where(is_apart, _MIN_IOU_APART, _MIN_IOU))
         | (is_within & ~observations.is_located[:, None])
     )
+
+
+def merged(
+    tracks: VehicleTable, stamp_s: float, cameras: Sequence[FrameGeometry]
+) -> tuple[VehicleTable, Int]:
+    """Return the tracks of which those at one place are one, and (T,) the row that each has become.
+
+    The state is that of the track that was seen last; id, evidence and detections are those of the older one. Two that are
+    seen in one scan stay two.
+
+    Args:
+        tracks: T tracks.
+        stamp_s: Time of the scan.
+        cameras: Pose and projection of the frame in each camera.
+    """
+    rows = np.arange(len(tracks))
+    ones, others = _pairs_at_one_place(tracks, stamp_s, cameras)
+    if not len(ones):
+        return tracks, rows
+    is_same = np.eye(len(tracks), dtype=bool)
+    is_same[ones, others] = is_same[others, ones] = True
+    # Of two that were seen last together, the one seen more often.
+    order = np.lexsort((tracks.detections, tracks.last_seen_s))
+    leaders = find_leaders(is_same, np.argsort(order).astype(np.float64))
+    older = np.lexsort((tracks.ids, tracks.ids < 0, leaders))
+    firsts = older[np.unique(leaders[older], return_index=True)[1]]
+    kept = leaders == rows
+    merged_ones = replace(
+        tracks[kept],
+        ids=tracks.ids[firsts],
+        detections=tracks.detections[firsts],
+        evidence=np.maximum(tracks.evidence[firsts], tracks.evidence[kept]),
+    )
+    return merged_ones, (np.cumsum(kept) - 1)[leaders]
+
+
+def _pairs_at_one_place(
+    tracks: VehicleTable, stamp_s: float, cameras: Sequence[FrameGeometry]
+) -> tuple[Int, Int]:
+    """Return the rows of both of each pair of tracks that are one object, of which at most one is seen now."""
+    bottom_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
+    boxes = Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad)
+    is_seen = tracks.last_seen_s >= stamp_s
+    is_candidate = np.triu(tracks.is_located[:, None] & tracks.is_located, 1)
+    ones, others = np.nonzero(is_candidate & ~(is_seen[:, None] & is_seen))
+    overlap = paired_iou_bev(boxes[ones], boxes[others])
+    ones, others = (side[overlap >= _MIN_IOU_TRACKS] for side in (ones, others))
+    overlap_px = np.zeros(len(ones))
+    for camera in np.unique(tracks.cameras[ones]).tolist():
+        here = tracks.cameras[ones] == camera
+        boxes_px = (
+            np.nan_to_num(expected_boxes_px(tracks[side[here]], cameras[camera], camera))
+            for side in (ones, others)
+        )
+        overlap_px[here] = paired_iou_px(*boxes_px)
+    is_one = overlap_px >= _MIN_IOU_TRACKS_PX
+    return ones[is_one], others[is_one]
 
 
 def distinct_rows(vehicles: Vehicles, min_score: float) -> Int:

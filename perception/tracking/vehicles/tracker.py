@@ -22,7 +22,7 @@ from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.tracking.vehicles.duplicates import is_duplicate
+from perception.tracking.vehicles.duplicates import is_duplicate, merged
 from perception.tracking.vehicles.evidence import (
     MISS,
     added,
@@ -149,6 +149,8 @@ class VehicleTracker:
         doubt = self._sensor.noise(observations.boxes_world.bottom_m[:, :2])
         observations = replace(observations, noise=observations.noise + doubt)
         self._update_and_init(observations, cameras)
+        self._tracks, row_of = merged(self._tracks, frame.stamp_s, cameras)
+        self._track_of = row_of[self._track_of]
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
         tracked = self._with_tracks(vehicles, cameras, types)

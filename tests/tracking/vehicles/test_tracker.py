@@ -421,6 +421,13 @@ def test_what_was_hidden_for_a_second_is_found_again_beside_its_expected_box(gap
     assert found.ids.tolist() == ids
 
 
+def test_two_tracks_that_come_to_one_place_are_the_older_one():
+    drive, ids = Drive(speed_m_s=0.0), []
+    for left_m in (-4.0, -4.0, -4.0, -2.4, -2.8, -3.1, -3.2, -3.3, -3.4, -3.4):
+        ids += drive.observe(cars((22.0, left_m, 0.0))).vehicles.ids.tolist()
+    assert ids == [0, 0, 0, 1, 1, 1, 1, 1, 0, 0]
+
+
 def test_in_a_row_no_car_takes_the_id_of_a_missed_neighbour():
     drive, world = (
         Drive(speed_m_s=8.0),
