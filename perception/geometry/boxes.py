@@ -10,7 +10,7 @@ _CORNERS = np.array(
     [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]
 ) * (0.5, 0.5, 1.0)
 # Pairs of corners: around the bottom, around the top, and upright.
-_EDGES = np.array(
+EDGES = np.array(
     [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]
 )
 
@@ -46,7 +46,7 @@ def corners(boxes: Boxes3D) -> Float64:
 
 def edges(boxes: Boxes3D) -> Float64:
     """Return (M, 12, 2, 3) both ends of each edge: around the bottom, around the top, upright."""
-    return corners(boxes)[:, _EDGES]
+    return corners(boxes)[:, EDGES]
 
 
 def points_inside(boxes: Boxes3D, points: Float, margin_m: float = 0.0) -> Bool:

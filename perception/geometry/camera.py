@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.boxes import edges
+from perception.geometry.boxes import EDGES, corners
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
 
 
@@ -111,16 +111,22 @@ def box_outlines_px(
     """Return (M, 4) x1 y1 x2 y2 around the projected boxes; NaN of a box that is not in the image.
 
     Args:
-        image_P_velo: (3, 4) projection to pixels.
+        image_P_velo: (3, 4) projection to pixels, or (M, 3, 4) one for each box.
         boxes_velo: (M) boxes in the LiDAR frame; parts behind the camera are cut off.
-        size_px: (width, height) of the image, to whose borders the rectangles are clipped as labels
+        size_px: (width, height) of the image, or (M, 2), to whose borders the rectangles are clipped as labels
             are; None for an image without borders.
     """
-    known = np.flatnonzero(np.isfinite(boxes_velo.bottom_m).all(axis=1))
-    segments = edges(boxes_velo[known]).reshape(-1, 2, 3)
-    seen = project_segments(image_P_velo, segments)
-    outlines = np.full((len(boxes_velo), 4), np.nan)
-    outlines[known] = outlines_px(seen.ends_px, seen.rows // 12, len(known))
+    turned = np.swapaxes(image_P_velo[..., :3], -1, -2)
+    homogeneous = corners(boxes_velo) @ turned + image_P_velo[..., None, :, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = homogeneous[..., :2] / homogeneous[..., 2:]
+        outlines = np.hstack([pixels.min(axis=1), pixels.max(axis=1)])
+    # The edges of the others are cut in front of the camera.
+    is_ahead = homogeneous[..., 2] >= NEAREST_M
+    outlines[~is_ahead.any(axis=1)] = np.nan
+    cut = np.flatnonzero(is_ahead.any(axis=1) & ~is_ahead.all(axis=1))
+    seen = project_segments(np.eye(3, 4), homogeneous[cut][:, EDGES].reshape(-1, 2, 3))
+    outlines[cut] = outlines_px(seen.ends_px, seen.rows // len(EDGES), len(cut))
     if size_px is not None:
         outlines = np.clip(outlines, 0, np.tile(np.subtract(size_px, 1), 2))
     is_there = (outlines[:, 2:] > outlines[:, :2]).all(axis=1, keepdims=True)

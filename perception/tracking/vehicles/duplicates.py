@@ -114,15 +114,12 @@ def _pairs_at_one_place(
     ones, others = np.nonzero(is_candidate & ~(is_seen[:, None] & is_seen))
     overlap = paired_iou_bev(boxes[ones], boxes[others])
     ones, others = (side[overlap >= _MIN_IOU_TRACKS] for side in (ones, others))
-    overlap_px = np.zeros(len(ones))
-    for camera in np.unique(tracks.cameras[ones]).tolist():
-        here = tracks.cameras[ones] == camera
-        boxes_px = (
-            np.nan_to_num(expected_boxes_px(tracks[side[here]], cameras[camera], camera))
-            for side in (ones, others)
-        )
-        overlap_px[here] = paired_iou_px(*boxes_px)
-    is_one = overlap_px >= _MIN_IOU_TRACKS_PX
+    numbers = tracks.cameras[ones]
+    frame = FrameGeometry.of_rows(cameras, numbers)
+    boxes_px = (
+        np.nan_to_num(expected_boxes_px(tracks[side], frame, numbers)) for side in (ones, others)
+    )
+    is_one = paired_iou_px(*boxes_px) >= _MIN_IOU_TRACKS_PX
     return ones[is_one], others[is_one]
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
-from perception.geometry.camera import project
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
@@ -29,32 +28,41 @@ NEAREST_M = 0.5
 
 @dataclass(frozen=True)
 class FrameGeometry:
-    """Time, pose and projection of one frame in one camera.
+    """Time, pose and projection of one frame in one camera, or in the camera of each of T rows.
 
     Attributes:
         stamp_s: Time of the scan.
         world_SE3_velo: (4, 4) pose of the LiDAR.
-        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
-        image_size_px: Width and height of the image.
+        image_P_velo: (3, 4) or (T, 3, 4) projection from the LiDAR frame to pixels.
+        image_size_px: Width and height of the image, or (T, 2).
     """
 
     stamp_s: float
     world_SE3_velo: Float64
     image_P_velo: Float64
-    image_size_px: tuple[int, int]
+    image_size_px: tuple[int, int] | Int
+
+    @classmethod
+    def of_rows(cls, cameras: Sequence[Self], numbers: Int) -> Self:
+        """Return the geometry of T rows by the number of the camera of each."""
+        stacked = np.stack([one.image_P_velo for one in cameras])
+        sizes_px = np.array([one.image_size_px for one in cameras])
+        first = cameras[0]
+        return cls(first.stamp_s, first.world_SE3_velo, stacked[numbers], sizes_px[numbers])
 
     @property
     def image_P_world(self) -> Float64:
-        """(3, 4) projection from the world to pixels."""
+        """(..., 3, 4) projection from the world to pixels."""
         return np.asarray(self.image_P_velo @ se3.inverse(self.world_SE3_velo))
 
     @property
-    def focal_px(self) -> float:
-        """Vertical focal length: the part of the second row that is orthogonal to the optical axis."""
-        rows = self.image_P_velo[:, :3]
-        depth_scale = np.linalg.norm(rows[2])
-        axis = rows[2] / depth_scale
-        return float(np.linalg.norm(rows[1] - (rows[1] @ axis) * axis) / depth_scale)
+    def focal_px(self) -> Float64:
+        """(...) vertical focal length: the part of the second row that is orthogonal to the optical axis."""
+        upward, forward = self.image_P_velo[..., 1, :3], self.image_P_velo[..., 2, :3]
+        depth_scale = np.linalg.norm(forward, axis=-1, keepdims=True)
+        axis = forward / depth_scale
+        across = upward - (upward * axis).sum(axis=-1, keepdims=True) * axis
+        return np.asarray(np.linalg.norm(across, axis=-1) / depth_scale[..., 0])
 
     def clip(self, boxes_px: Float64) -> Float64:
         """Return the parts of (T, 4) boxes within the image."""
@@ -62,16 +70,18 @@ class FrameGeometry:
 
     def project(self, points_world: Float64) -> Float64:
         """Return (T, 3) column, row and depth of (T, 3) points; NaN behind the camera."""
-        pixels, depths_m = project(self.image_P_world, points_world)
-        return np.column_stack([pixels, np.where(depths_m > NEAREST_M, depths_m, np.nan)])
+        image_P_world = self.image_P_world
+        homogeneous = (image_P_world[..., :3] @ points_world[..., None])[..., 0]
+        homogeneous += image_P_world[..., 3]
+        depths_m = np.where(homogeneous[:, 2:] > NEAREST_M, homogeneous[:, 2:], np.nan)
+        return np.hstack([homogeneous[:, :2] / depths_m, depths_m])
 
     def unproject(self, pixels: Float64, depths_m: Float64) -> Float64:
         """Return (D, 3) the points in the world at (D, 2) pixels and (D,) depths."""
         image_P_world = self.image_P_world
         homogeneous = depths_m[:, None] * np.column_stack([pixels, np.ones(len(pixels))])
-        return np.asarray(
-            np.linalg.solve(image_P_world[:, :3], (homogeneous - image_P_world[:, 3]).T).T
-        )
+        offsets = (homogeneous - image_P_world[..., 3])[..., None]
+        return np.asarray(np.linalg.solve(image_P_world[..., :3], offsets)[..., 0])
 
 
 @dataclass(frozen=True)
@@ -123,29 +133,18 @@ class VehicleObservations(ArrayTable):
             classes: (C,) classes of the tracker.
             min_existence: Minimum existence of a detection that is kept.
         """
-        return cls.concatenate(
-            cls._of_camera(vehicles, camera, frame, classes, min_existence)
-            for camera, frame in enumerate(cameras)
-        )
-
-    @classmethod
-    def _of_camera(
-        cls,
-        vehicles: Vehicles,
-        camera: int,
-        frame: FrameGeometry,
-        classes: NDArray[np.str_],
-        min_existence: float,
-    ) -> Self:
-        own = np.flatnonzero(vehicles.cameras == camera)
-        fused = vehicles.fused[own]
+        own = np.argsort(vehicles.cameras, kind="stable")
+        fused, numbers = vehicles.fused[own], vehicles.cameras[own]
         detections = fused.detections
-        class_scores = _of_classes(detections, detections.scores, classes)
+        is_same_place = iou_px(detections.boxes_px, detections.boxes_px) >= SAME_PLACE_IOU
+        is_same_place &= numbers[:, None] == numbers
         # An object is of one class: what speaks for any of them speaks for the object.
-        by_class = _of_classes(detections, fused.existence, classes)
+        by_class = _of_classes(detections, fused.existence, classes, is_same_place)
         likely = np.minimum(by_class.sum(axis=1), 1.0)
         kept = np.flatnonzero(likely >= min_existence)
-        rows = own[kept]
+        class_scores = _of_classes(detections, detections.scores, classes, is_same_place[kept])
+        rows, numbers = own[kept], numbers[kept]
+        frame = FrameGeometry.of_rows(cameras, numbers)
         detections, boxes = detections[kept], vehicles.boxes[rows]
         heights_m = _image_heights_m(boxes, detections.boxes_px, frame)
         is_located = np.isfinite(boxes.bottom_m[:, 0])
@@ -156,28 +155,27 @@ class VehicleObservations(ArrayTable):
         known = np.flatnonzero(is_located)
         return cls(
             rows,
-            np.full(len(rows), camera),
+            numbers,
             detections,
             assumed.replaced(known, located[known]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             vehicles.box_deviations.yaw_rad[rows],
             vehicles.box_deviations.size_m[rows],
-            class_scores[kept],
+            class_scores,
             with_heights(likely[kept], heights_m, detections),
             np.isfinite(vehicles.bev_scores[rows]),
         )
 
 
-def _of_classes(detections: Detections, values: Float64, classes: NDArray[np.str_]) -> Float64:
-    """Return (D, C) the highest of (D,) values of each class at the place of each detection."""
-    boxes_px = detections.boxes_px
-    is_same_place = iou_px(boxes_px, boxes_px) >= SAME_PLACE_IOU
-    by_class = np.zeros((len(values), len(classes)))
+def _of_classes(
+    detections: Detections, values: Float64, classes: NDArray[np.str_], is_same_place: Bool
+) -> Float64:
+    """Return (K, C) the highest of (D,) values of each class at K places, by (K, D) whether a detection is there."""
+    by_class = np.zeros((len(is_same_place), len(classes)))
     for column, name in enumerate(classes.tolist()):
         rows = np.flatnonzero(detections.types == name)
-        at_place = np.where(is_same_place[:, rows], values[rows], 0.0)
-        by_class[:, column] = at_place.max(axis=1, initial=0.0)
+        by_class[:, column] = (is_same_place[:, rows] * values[rows]).max(axis=1, initial=0.0)
     return by_class
 
 

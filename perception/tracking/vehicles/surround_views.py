@@ -49,10 +49,8 @@ def with_views(vehicles: Vehicles, views: Sequence[FrameGeometry], first: int) -
     cameras = vehicles.cameras.copy()
     boxes_px = vehicles.fused.detections.boxes_px.copy()
     cameras[rows] = first + numbers
-    for number, view in enumerate(views):
-        here = rows[numbers == number]
-        boxes = vehicles.boxes[here]
-        boxes_px[here] = box_outlines_px(view.image_P_velo, boxes, view.image_size_px)
+    seen = FrameGeometry.of_rows(views, numbers)
+    boxes_px[rows] = box_outlines_px(seen.image_P_velo, vehicles.boxes[rows], _SIZE_PX)
     return replace(vehicles.with_detections(boxes_px=boxes_px), cameras=cameras)
 
 

@@ -39,25 +39,29 @@ _MAX_FRONT_VOTES = 10  # courses that opposite ones have to outweigh before fron
 _MAX_SPEED_DEVIATION_M_S = 2.0  # maximum standard deviation of a reported velocity
 
 
-def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry, camera: int) -> Float64:
+def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry, cameras: Int) -> Float64:
     """Return (T, 4) the predicted box of each track within the image of a camera, NaN behind it.
 
     The box in the image moves and grows as the 3D box; one that was last detected in the image of another camera, which
     may have shown a part of it, is the outline of the 3D box.
+
+    Args:
+        tracks: T tracks.
+        frame: Geometry of the frame in the camera of each.
+        cameras: (T,) numbers of these cameras.
     """
     now_px = frame.project(tracks.middles_world)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
     boxes_px = frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
-    if (others := np.flatnonzero(tracks.cameras != camera)).size:
-        boxes_px[others] = _outlines_px(tracks[others], now_px[others], frame)
-    return boxes_px
+    is_other = (tracks.cameras != cameras)[:, None]
+    return np.where(is_other, _outlines_px(tracks, now_px, frame), boxes_px)
 
 
 def _outlines_px(tracks: VehicleTable, now_px: Float64, frame: FrameGeometry) -> Float64:
     """Return (T, 4) the outlines of 3D boxes, and boxes of the assumed height where the returns have given no 3D box."""
     sizes_px = tracks.boxes_px[:, 2:] - tracks.boxes_px[:, :2]
-    height_px = frame.focal_px * ASSUMED_HEIGHT_M / now_px[:, 2:]
+    height_px = frame.focal_px[..., None] * ASSUMED_HEIGHT_M / now_px[:, 2:]
     half_px = height_px / 2 * sizes_px / np.maximum(sizes_px[:, 1:], 1.0)
     assumed_px = frame.clip(np.hstack([now_px[:, :2] - half_px, now_px[:, :2] + half_px]))
     boxes_velo = tracks.boxes_velo(tracks.sizes_m, frame.world_SE3_velo)
@@ -113,7 +117,7 @@ def update_tracks(
         observations: T detections.
         expected_px: (T, 4) predicted boxes in the image.
         pose_shares: (T,) shares of the variances of their columns that the pose gives.
-        frame: Geometry of the frame.
+        frame: Geometry of the frame in the camera of each detection.
         elapsed_s: Time since the frame before.
     """
     found_px = observations.detections.boxes_px

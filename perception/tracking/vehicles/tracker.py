@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.geometry.box_overlap_px import iou_px
+from perception.geometry.box_overlap_px import paired_iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
@@ -189,18 +189,12 @@ class VehicleTracker:
         """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
         observations = observations[~is_duplicate(observations)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
-        expected_px = np.stack(
-            [
-                expected_boxes_px(self._tracks, geometry, camera)
-                for camera, geometry in enumerate(cameras)
-            ]
-        )
-        # Observations are in the order of their cameras.
-        costs = np.hstack(
-            [
-                self._costs(observations[observations.cameras == camera], boxes_px)
-                for camera, boxes_px in enumerate(expected_px)
-            ]
+        expected_px = self._expected_boxes_px(cameras)
+        deviations_px, pose_shares = self._side_deviations_px(expected_px)
+        # Each track as the camera of each detection would show it.
+        numbers = observations.cameras
+        costs = self._costs(
+            observations, *(np.moveaxis(one[numbers], 0, 1) for one in (expected_px, deviations_px))
         )
         sure, free = existence >= _HIGH_EXISTENCE, np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
@@ -212,39 +206,57 @@ class VehicleTracker:
         missed[free] = added(MISS, self._elapsed_s)
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence + missed)
         is_new = (track_of < 0) & (existence >= self._config.new_track_existence)
-        for camera, geometry in enumerate(cameras):
-            is_here = observations.cameras == camera
-            seen = np.flatnonzero(is_here & (track_of >= 0))
-            rows, new = track_of[seen], np.flatnonzero(is_here & is_new)
-            if len(rows):
-                corrected = update_tracks(
-                    self._tracks[rows],
-                    observations[seen],
-                    expected_px[camera][rows],
-                    self._pose_shares(self._tracks[rows], expected_px[camera][rows]),
-                    geometry,
-                    self._elapsed_s,
-                )
-                self._tracks = self._tracks.replaced(rows, corrected)
-            track_of[new] = len(self._tracks) + np.arange(len(new))
-            if len(new):
-                self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
+        seen, new = np.flatnonzero(track_of >= 0), np.flatnonzero(is_new)
+        rows = track_of[seen]
+        if len(rows):
+            corrected = update_tracks(
+                self._tracks[rows],
+                observations[seen],
+                expected_px[numbers[seen], rows],
+                pose_shares[numbers[seen], rows],
+                FrameGeometry.of_rows(cameras, numbers[seen]),
+                self._elapsed_s,
+            )
+            self._tracks = self._tracks.replaced(rows, corrected)
+        track_of[new] = len(self._tracks) + np.arange(len(new))
+        if len(new):
+            geometry = FrameGeometry.of_rows(cameras, numbers[new])
+            self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
         is_tracked = track_of >= 0
         self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
-    def _costs(self, observations: VehicleObservations, expected_px: Float64) -> Float64:
-        """Return (T, D) the costs of continuing tracks by detections; infinite where a track cannot go on so."""
+    def _expected_boxes_px(self, cameras: Sequence[FrameGeometry]) -> Float64:
+        """Return (C, T, 4) the predicted box of each track in each of C cameras, 0 behind it."""
+        shape = (len(cameras), len(self._tracks))
+        numbers, rows = (one.ravel() for one in np.indices(shape))
+        geometry = FrameGeometry.of_rows(cameras, numbers)
+        expected_px = expected_boxes_px(self._tracks[rows], geometry, numbers)
+        return np.nan_to_num(expected_px).reshape(*shape, 4)
+
+    def _costs(
+        self, observations: VehicleObservations, expected_px: Float64, deviations_px: Float64
+    ) -> Float64:
+        """Return (T, D) the costs of continuing tracks by detections; infinite where a track cannot go on so.
+
+        Args:
+            observations: D detections.
+            expected_px: (T, D, 4) predicted box of each track in the camera of each detection.
+            deviations_px: (T, D, 4) standard deviations of the sides of these.
+        """
         tracks, types = self._tracks, self._types(self._tracks)
-        expected_px, detections = np.nan_to_num(expected_px), observations.detections
+        detections = observations.detections
+        shape = expected_px.shape[:2]
         on_ground, gate = position_distances(tracks, observations), motion_model.GATE
         is_near = on_ground <= gate
         # The returns in an image may be those of what hides the object: beyond the gate the cost of a place is constant.
         limits = np.where(observations.is_above, _MAX_GROUND_COST, gate)
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), limits)
-        deviations_px = self._side_deviations_px(expected_px)
-        in_image = _side_distances(expected_px, detections.boxes_px, deviations_px)
+        # Cars in a row overlap much in the image, but differ in position and size.
+        in_image = (((detections.boxes_px - expected_px) / deviations_px) ** 2).sum(axis=2)
+        found_px = np.broadcast_to(detections.boxes_px, expected_px.shape)
+        overlap = paired_iou_px(expected_px.reshape(-1, 4), found_px.reshape(-1, 4)).reshape(shape)
         # What has come far since the last frame need not overlap its old box.
-        is_allowed = iou_px(expected_px, detections.boxes_px) >= _MIN_IOU
+        is_allowed = overlap >= _MIN_IOU
         is_allowed |= is_near & (in_image <= _IMAGE_GATE)
         is_other = types[:, None] != detections.types
         # A van may be taken for a car, but no person for a vehicle.
@@ -254,31 +266,23 @@ class VehicleTracker:
         costs = in_image + on_ground + _CLASS_CHANGE_COST * is_other
         return np.where(is_allowed, costs, np.inf)
 
-    def _side_deviations_px(self, expected_px: Float64) -> Float64:
-        """Return (T, 4) standard deviations of the sides of expected boxes.
+    def _side_deviations_px(self, expected_px: Float64) -> tuple[Float64, Float64]:
+        """Return (C, T, 4) standard deviations of the sides of expected boxes, and (C, T) the share of the pose.
 
         What was hidden for a second may be a metre from where its last velocity takes it, which shifts its box across
-        the image, as a turn that the pose lacks does.
+        the image, as a turn that the pose lacks does: its share is that of the variance of the columns, but for the motion.
         """
         tracks = self._tracks
-        sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
-        deviations_px = _SIDE_DEVIATION_SHARE * sizes_px
+        sizes_px = np.maximum(expected_px[..., 2:] - expected_px[..., :2], _MIN_SIZE_PX)
+        deviations_px = np.tile(_SIDE_DEVIATION_SHARE * sizes_px, 2)
         unseen_s = 0.0 if self._stamp_s is None else self._stamp_s - tracks.last_seen_s
-        moved_px = unseen_s * tracks.speed_deviations_m_s * sizes_px[:, 1] / _heights_m(tracks)
-        moved_px = np.hypot(moved_px, self._pose_deviations_px(tracks, sizes_px))
-        deviations_px[:, 0] = np.hypot(deviations_px[:, 0], moved_px)
-        return np.tile(deviations_px, 2)
-
-    def _pose_deviations_px(self, tracks: VehicleTable, sizes_px: Float64) -> Float64:
-        """Return (T,) standard deviations that the pose gives to the columns of boxes of (T, 2) widths and heights."""
-        doubt_m2 = self._sensor.noise(tracks.mean[:, :2]).trace(axis1=1, axis2=2)
-        return np.asarray(np.sqrt(doubt_m2) * sizes_px[:, 1] / _heights_m(tracks))
-
-    def _pose_shares(self, tracks: VehicleTable, expected_px: Float64) -> Float64:
-        """Return (T,) shares of the variances of the columns of expected boxes that the pose gives."""
-        sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
-        by_pose = self._pose_deviations_px(tracks, sizes_px) ** 2
-        return np.asarray(by_pose / (by_pose + (_SIDE_DEVIATION_SHARE * sizes_px[:, 0]) ** 2))
+        pose_m2 = self._sensor.noise(tracks.mean[:, :2]).trace(axis1=1, axis2=2)
+        moved_m2 = (unseen_s * tracks.speed_deviations_m_s) ** 2
+        px_per_m2 = (sizes_px[..., 1] / _heights_m(tracks)) ** 2
+        columns_px2, by_pose_px2 = deviations_px[..., 0] ** 2, pose_m2 * px_per_m2
+        across_px = np.sqrt(columns_px2 + (pose_m2 + moved_m2) * px_per_m2)
+        deviations_px[..., ::2] = across_px[..., None]
+        return deviations_px, by_pose_px2 / (by_pose_px2 + columns_px2)
 
     def _give_ids(
         self, frame_geometry: FrameGeometry, types: NDArray[np.str_], moving: Tracks
@@ -316,10 +320,8 @@ class VehicleTracker:
         moved = tracks[is_known].velocities_velo(frame_geometry.world_SE3_velo)
         velocities_m_s[seen[is_known]] = moved
         boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._elapsed_s)
-        boxes_px = tracks.boxes_px.copy()
-        for camera, geometry in enumerate(cameras):
-            rows = np.flatnonzero(tracks.cameras == camera)
-            boxes_px[rows] = _blended_boxes_px(tracks[rows], boxes[seen[rows]], geometry)
+        geometry = FrameGeometry.of_rows(cameras, tracks.cameras)
+        boxes_px = _blended_boxes_px(tracks, boxes[seen], geometry)
         covariances, deviations = self._uncertainty(vehicles, frame_geometry, types)
         return replace(
             vehicles,
@@ -373,15 +375,6 @@ def _heights_m(tracks: VehicleTable) -> Float64:
     return np.where(tracks.is_located, tracks.sizes_m[:, 2], ASSUMED_HEIGHT_M)
 
 
-def _side_distances(expected_px: Float64, seen_px: Float64, deviations_px: Float64) -> Float64:
-    """Return (T, D) squared distances of the four sides, in standard deviations.
-
-    Cars in a row overlap much in the image, but differ in position and size.
-    """
-    off = (seen_px - expected_px[:, None]) / deviations_px[:, None]
-    return np.asarray((off**2).sum(axis=2))
-
-
 def _blended_boxes_px(
     tracks: VehicleTable, boxes: Boxes3D, frame_geometry: FrameGeometry
 ) -> Float64:
@@ -396,7 +389,8 @@ def _blended_boxes_px(
     off_px = outlines_px - boxes_px
     agrees = (np.abs(off_px) <= _MAX_OUTLINE_SHARE * np.tile(sizes_px, 2)).all(axis=1)
     is_vehicle = tracks.sizes_m[:, 0] >= SMALL_LENGTH_M
-    is_behind = hidden_sides(boxes_px, tracks.anchors_px[:, 2]) & (_OUTWARD * off_px > 0)
+    is_hidden = hidden_sides(boxes_px, tracks.anchors_px[:, 2], tracks.cameras)
+    is_behind = is_hidden & (_OUTWARD * off_px > 0)
     weights = np.where(is_behind, 1.0, _OUTLINE_WEIGHT)
     weights *= (agrees & is_vehicle)[:, None]
     return np.asarray(boxes_px + weights * np.nan_to_num(off_px))

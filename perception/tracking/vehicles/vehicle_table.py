@@ -14,7 +14,7 @@ _MAX_HIDING_GAP = 0.15  # maximum gap between that side and the nearer box, as a
 _MIN_HIDING_DEPTH_M = 1.0  # minimum difference of the depths of their middles
 
 
-def hidden_sides(boxes_px: Float64, depths_m: Float64) -> Bool:
+def hidden_sides(boxes_px: Float64, depths_m: Float64, cameras: Int | None = None) -> Bool:
     """Return (T, 4) which sides x1 y1 x2 y2 are behind a nearer box; upper and lower sides never are.
 
     Example: the right side of the far box is hidden, the left one is not.
@@ -25,13 +25,16 @@ def hidden_sides(boxes_px: Float64, depths_m: Float64) -> Bool:
                    +---------+
 
     Args:
-        boxes_px: (T, 4) boxes in one image.
+        boxes_px: (T, 4) boxes in images.
         depths_m: (T,) depths of their objects.
+        cameras: (T,) numbers of the cameras of the images; None where it is one.
     """
     x1, y1, x2, y2 = boxes_px.T
     shared_px = np.minimum(y2[:, None], y2) - np.maximum(y1[:, None], y1)
     hides = shared_px >= _MIN_HIDING_HEIGHT * (y2 - y1)[:, None]
     hides &= depths_m < depths_m[:, None] - _MIN_HIDING_DEPTH_M
+    if cameras is not None:
+        hides &= cameras == cameras[:, None]
     gaps_px = _MAX_HIDING_GAP * (x2 - x1)[:, None]
     hides_left = hides & (x1 < x1[:, None]) & (x2 > x1[:, None] - gaps_px)
     hides_right = hides & (x2 > x2[:, None]) & (x1 < x2[:, None] + gaps_px)
