@@ -1,7 +1,5 @@
 """Overlap and distance of upright boxes: in the bird's eye view, and in space."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from perception.types import Boxes3D, Float64
@@ -17,19 +15,22 @@ def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
 
 
 def intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (A, B) the area that lies under both boxes."""
-    return _shared_m2(_outlines(a).of_rows(), _outlines(b).of_columns())
-
-
-def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (M,) the area that lies under each box and the one in the same row of b; NaN where a box is.
+    """Return (A, B) the area that lies under both boxes; NaN where a box is.
 
     Only pairs whose circumscribed circles meet are compared: of all pairs of a frame, few do.
     """
+    rows, columns = np.nonzero(~(center_distances_m(a, b) > _radii_m(a)[:, None] + _radii_m(b)))
+    shared_m2 = np.zeros((len(a), len(b)))
+    shared_m2[rows, columns] = _shared_m2(a[rows], b[columns])
+    return shared_m2
+
+
+def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) the area that lies under each box and the one in the same row of b; NaN where a box is."""
     apart_m = np.linalg.norm(a.bottom_m[:, :2] - b.bottom_m[:, :2], axis=1)
     are_near = ~(apart_m > _radii_m(a) + _radii_m(b))
     shared_m2 = np.zeros(len(a))
-    shared_m2[are_near] = _shared_m2(_outlines(a[are_near]), _outlines(b[are_near]))
+    shared_m2[are_near] = _shared_m2(a[are_near], b[are_near])
     return shared_m2
 
 
@@ -65,26 +66,8 @@ def _radii_m(boxes: Boxes3D) -> Float64:
     return np.asarray(np.linalg.norm(boxes.size_m[:, :2], axis=1) / 2)
 
 
-class _Outlines(NamedTuple):
-    """Rectangles on the ground plane, of any shape (...) that goes with another's."""
-
-    center_m: Float64  # (..., 2)
-    size_m: Float64  # (..., 2) along the heading, across
-    yaw_rad: Float64  # (...)
-
-    def of_rows(self) -> "_Outlines":
-        return _Outlines(*(np.expand_dims(part, 1) for part in self))
-
-    def of_columns(self) -> "_Outlines":
-        return _Outlines(*(np.expand_dims(part, 0) for part in self))
-
-
-def _outlines(boxes: Boxes3D) -> _Outlines:
-    return _Outlines(boxes.bottom_m[:, :2], boxes.size_m[:, :2], boxes.yaw_rad)
-
-
-def _shared_m2(a: _Outlines, b: _Outlines) -> Float64:
-    """Return (...) the area that lies under both of each pair.
+def _shared_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) the area that lies under each box and the one in the same row of b.
 
     In the frame of box b, seen along its width, box a is a heap of slices: what a slice shares with b
     is its upper end less its lower one, each clamped to b's sides. The edges of a are these ends, so
@@ -92,7 +75,7 @@ def _shared_m2(a: _Outlines, b: _Outlines) -> Float64:
     form, and no polygon has to be cut.
     """
     corners = _corners_in(a, b)
-    half_length, half_width = b.size_m[..., :1] / 2, b.size_m[..., 1:] / 2
+    half_length, half_width = b.size_m[:, :1] / 2, b.size_m[:, 1:2] / 2
     (x0, y0), (x1, y1) = np.moveaxis(corners, -1, 0), np.moveaxis(np.roll(corners, -1, -2), -1, 0)
     across = x1 - x0
     slope = np.divide(y1 - y0, across, out=np.zeros_like(across), where=np.abs(across) > _FLAT_M)
@@ -103,13 +86,13 @@ def _shared_m2(a: _Outlines, b: _Outlines) -> Float64:
     return np.asarray(np.maximum(shared_m2, 0.0))
 
 
-def _corners_in(a: _Outlines, b: _Outlines) -> Float64:
-    """Return (..., 4, 2) corners of each box a, counter-clockwise, along heading and left of box b."""
+def _corners_in(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M, 4, 2) corners of each box a, counter-clockwise, along heading and left of box b."""
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
-    center = _turned(a.center_m - b.center_m, -b.yaw_rad)
-    reach = signs * a.size_m[..., None, :]
+    center = _turned(a.bottom_m[:, :2] - b.bottom_m[:, :2], -b.yaw_rad)
+    reach = signs * a.size_m[:, None, :2]
     turn_rad = a.yaw_rad - b.yaw_rad
-    return center[..., None, :] + _turned(reach, turn_rad[..., None])
+    return center[:, None] + _turned(reach, turn_rad[:, None])
 
 
 def _turned(xy: Float64, angle_rad: Float64) -> Float64:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.geometry.box_overlap import iou_bev, paired_iou_bev
+from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px, paired_iou_px
 from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from perception.tracking.vehicles.track_update import expected_boxes_px
@@ -110,16 +110,15 @@ def _pairs_at_one_place(
     bottom_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
     boxes = Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad)
     is_seen = tracks.last_seen_s >= stamp_s
-    is_candidate = np.triu(tracks.is_located[:, None] & tracks.is_located, 1)
-    ones, others = np.nonzero(is_candidate & ~(is_seen[:, None] & is_seen))
-    overlap = paired_iou_bev(boxes[ones], boxes[others])
-    ones, others = (side[overlap >= _MIN_IOU_TRACKS] for side in (ones, others))
-    numbers = tracks.cameras[ones]
+    is_one = tracks.is_located[:, None] & tracks.is_located & ~(is_seen[:, None] & is_seen)
+    is_one &= iou_bev(boxes, boxes) >= _MIN_IOU_TRACKS
+    ones, others = np.nonzero(np.triu(is_one, 1))
+    if not len(ones):
+        return ones, others
+    numbers = np.tile(tracks.cameras[ones], 2)
     frame = FrameGeometry.of_rows(cameras, numbers)
-    boxes_px = (
-        np.nan_to_num(expected_boxes_px(tracks[side], frame, numbers)) for side in (ones, others)
-    )
-    is_one = paired_iou_px(*boxes_px) >= _MIN_IOU_TRACKS_PX
+    boxes_px = expected_boxes_px(tracks[np.append(ones, others)], frame, numbers)
+    is_one = paired_iou_px(*np.split(np.nan_to_num(boxes_px), 2)) >= _MIN_IOU_TRACKS_PX
     return ones[is_one], others[is_one]
 
 
