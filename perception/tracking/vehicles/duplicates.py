@@ -13,7 +13,7 @@ from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.types import Bool, Boxes3D, Float64, Int, Vehicles
 
 _MIN_IOU = 0.4  # minimum IoU in the image, unless the returns of both lie apart
-_MIN_IOU_APART = 0.75  # minimum IoU in the image where the returns of both lie apart
+_MIN_IOU_APART = 0.5  # minimum IoU in the image where the returns of both lie apart
 _MIN_IOU_CAMERAS = 0.1  # minimum IoU from above of two boxes of different cameras; one is tracked
 _MIN_SHARE = 0.7  # minimum share of a box without returns that lies within the other
 # Minimum IoU of two tracks of one object, from above and in the image: two objects cannot be at one place, but returns of
