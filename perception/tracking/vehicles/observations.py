@@ -23,6 +23,7 @@ ASSUMED_HEIGHT_M = 1.6  # of an object without returns, which places it by its h
 _ASSUMED_DEPTH_SHARE = 0.3  # standard deviation of its depth, as a share of the depth
 _ASSUMED_SIDE_SHARE = 0.12  # deviation of its position across the line of sight, in its widths
 SAME_PLACE_IOU = 0.6  # minimum IoU in the image of detections of several classes of one object
+_MIN_SHARE = 0.25  # of the minimum existence of an object, of the likeliest of its classes
 NEAREST_M = 0.5
 
 
@@ -133,19 +134,21 @@ class VehicleObservations(ArrayTable):
             classes: (C,) classes of the tracker.
             min_existence: Minimum existence of a detection that is kept.
         """
-        own = np.argsort(vehicles.cameras, kind="stable")
-        fused, numbers = vehicles.fused[own], vehicles.cameras[own]
-        detections = fused.detections
-        is_same_place = iou_px(detections.boxes_px, detections.boxes_px) >= SAME_PLACE_IOU
-        is_same_place &= numbers[:, None] == numbers
+        fused, numbers = vehicles.fused, vehicles.cameras
+        rows = np.argsort(numbers, kind="stable")
+        rows = rows[fused.existence[rows] >= _MIN_SHARE * min_existence]
+        boxes_px = fused.detections.boxes_px
+        is_same_place = iou_px(boxes_px[rows], boxes_px) >= SAME_PLACE_IOU
+        is_same_place &= numbers[rows, None] == numbers
         # An object is of one class: what speaks for any of them speaks for the object.
-        by_class = _of_classes(detections, fused.existence, classes, is_same_place)
+        by_class = _of_classes(fused.detections, fused.existence, classes, is_same_place)
         likely = np.minimum(by_class.sum(axis=1), 1.0)
         kept = np.flatnonzero(likely >= min_existence)
-        class_scores = _of_classes(detections, detections.scores, classes, is_same_place[kept])
-        rows, numbers = own[kept], numbers[kept]
-        frame = FrameGeometry.of_rows(cameras, numbers)
-        detections, boxes = detections[kept], vehicles.boxes[rows]
+        scores = fused.detections.scores
+        class_scores = _of_classes(fused.detections, scores, classes, is_same_place[kept])
+        rows = rows[kept]
+        frame = FrameGeometry.of_rows(cameras, numbers[rows])
+        detections, boxes = fused.detections[rows], vehicles.boxes[rows]
         heights_m = _image_heights_m(boxes, detections.boxes_px, frame)
         is_located = np.isfinite(boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame)
@@ -155,7 +158,7 @@ class VehicleObservations(ArrayTable):
         known = np.flatnonzero(is_located)
         return cls(
             rows,
-            numbers,
+            numbers[rows],
             detections,
             assumed.replaced(known, located[known]),
             is_located,
