@@ -54,8 +54,10 @@ def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry, cameras: Int) 
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
     boxes_px = frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
-    is_other = (tracks.cameras != cameras)[:, None]
-    return np.where(is_other, _outlines_px(tracks, now_px, frame), boxes_px)
+    is_other = tracks.cameras != cameras
+    if not is_other.any():
+        return boxes_px
+    return np.where(is_other[:, None], _outlines_px(tracks, now_px, frame), boxes_px)
 
 
 def _outlines_px(tracks: VehicleTable, now_px: Float64, frame: FrameGeometry) -> Float64:
