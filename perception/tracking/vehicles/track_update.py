@@ -8,6 +8,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.kalman import Gaussians
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.evidence import added, log_odds
 from perception.tracking.vehicles.motion_modes import MotionModes
 from perception.tracking.vehicles.observations import (
@@ -22,6 +23,9 @@ from perception.types import Bool, Float64, Int
 
 _MAX_WALKING_SPEED_M_S = 3.0  # above which a person rides; detectors see the rider of a cycle, too
 _MAX_RIDING_VOTES = 10  # detections above that speed, less those below, that settle it
+# Minimum log-odds of a detection that continues the track of a person: detectors hardly see people in crowds, and a weak one
+# where one is expected speaks for it. A vehicle that is weakly seen has no box that fits.
+_MIN_EXPECTED_ODDS = 0.3
 _BOX_GAIN = 0.5  # gain of the correction of a box in the image
 # Time located elsewhere than predicted, by the frame before, after which a track moves there.
 RELOCATE_AFTER_S = 0.25
@@ -127,7 +131,10 @@ def update_tracks(
     gains[:, ::2] /= 1 - _BOX_GAIN * pose_shares[:, None]
     change_px = gains * (found_px - expected_px)
     smoothed_px = expected_px + change_px
-    evidence = tracks.evidence + added(log_odds(observations.existence), elapsed_s)
+    has_sides = SizePriors.of(observations.detections.types).has_sides
+    odds = log_odds(observations.existence)
+    odds = np.where(has_sides, odds, np.maximum(odds, _MIN_EXPECTED_ODDS))
+    evidence = tracks.evidence + added(odds, elapsed_s)
     tracks = replace(
         tracks,
         class_evidence=tracks.class_evidence + observations.class_scores,

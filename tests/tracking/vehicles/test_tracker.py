@@ -369,6 +369,16 @@ def test_existence_adds_up_over_frames():
     assert doubtful.fused.existence[0] > 0.7
 
 
+@pytest.mark.parametrize(("name", "expected"), [("Pedestrian", 0.9), ("Car", 0.01)])
+def test_a_weak_detection_speaks_for_a_person_who_is_expected(name, expected):
+    size_m = (0.8, 0.6, 1.75) if name == "Pedestrian" else (4.0, 1.65, 1.5)
+    drive, world = Drive(speed_m_s=0.0), cars((15.0, 2.0, 0.0), size_m=size_m)
+    for step in range(20):
+        found = drive.observe(world, scores=0.9 if step < 5 else 0.25, types=(name,)).vehicles
+    assert found.ids.tolist() == [0]
+    assert found.fused.existence == pytest.approx(expected, abs=0.05)
+
+
 @pytest.mark.parametrize("blind", [False, True])
 def test_a_parked_car_is_found_again_after_a_turn(blind):
     drive, world = Drive(), cars((35.0, 4.0, 0.0), (45.0, -4.0, 0.0))
