@@ -106,7 +106,7 @@ def _view_planes(size_px: tuple[int, int] | None, margin_px: float) -> Float64:
 
 
 def box_outlines_px(
-    image_P_velo: Float64, boxes_velo: Boxes3D, size_px: tuple[int, int] | None = None
+    image_P_velo: Float64, boxes_velo: Boxes3D, size_px: tuple[int, int] | Int | None = None
 ) -> Float64:
     """Return (M, 4) x1 y1 x2 y2 around the projected boxes; NaN of a box that is not in the image.
 

@@ -115,7 +115,7 @@ def _pairs_at_one_place(
     ones, others = np.nonzero(np.triu(is_one, 1))
     if not len(ones):
         return ones, others
-    numbers = np.tile(tracks.cameras[ones], 2)
+    numbers = tracks.cameras[np.append(ones, ones)]
     frame = FrameGeometry.of_rows(cameras, numbers)
     boxes_px = expected_boxes_px(tracks[np.append(ones, others)], frame, numbers)
     is_one = paired_iou_px(*np.split(np.nan_to_num(boxes_px), 2)) >= _MIN_IOU_TRACKS_PX

@@ -109,6 +109,8 @@ class VehicleTracker:
         """Delete all tracks; their ids are not used again."""
         self._classes = np.array([], np.str_)
         self._tracks = replace(VehicleTable.empty(), class_evidence=np.zeros((0, 0)))
+        self._seen: Int = np.zeros(0, np.int64)
+        self._track_of: Int = np.zeros(0, np.int64)
         self._stamp_s: float | None = None
         self._elapsed_s = 0.0
         self._shared_ids.clear()
