@@ -18,8 +18,13 @@ from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.duplicates import find_leaders
 from perception.tracking.vehicles.evidence import log_odds, probability
-from perception.tracking.vehicles.observations import ASSUMED_HEIGHT_M, FrameGeometry
+from perception.tracking.vehicles.observations import (
+    ASSUMED_HEIGHT_M,
+    SAME_PLACE_IOU,
+    FrameGeometry,
+)
 from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
 _MIN_IOU_PX = 0.3  # minimum IoU of a detection and the outline of a 3D box in its image
@@ -86,9 +91,21 @@ def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> Association
     types, others = vehicles.fused.detections.types, found.fused.detections.types
     is_alike = SizePriors.of(types).has_sides[:, None] == SizePriors.of(others).has_sides
     is_same = (overlap >= _MIN_IOU) | ((overlap_px >= _MIN_IOU_PX) & (is_as_far > 0))
+    is_same &= is_alike & _are_leading(vehicles)[:, None]
     costs = 1 - np.maximum(overlap_px, overlap) + _CLASS_COST * (types[:, None] != others)
-    costs += 1 - vehicles.fused.existence[:, None]
-    return assign_with_max_cost(costs, is_same & is_alike, 2.0 + _CLASS_COST)
+    costs = costs + (1 - vehicles.fused.existence[:, None]) + (1 - found.fused.existence)
+    return assign_with_max_cost(costs, is_same, 3.0 + _CLASS_COST)
+
+
+def _are_leading(vehicles: Vehicles) -> Bool:
+    """Return (V,) whether each vehicle is the likeliest of those that one camera has found at its place.
+
+    Others are the same object by another class: joined with parts of what is seen from above, they would take its evidence.
+    """
+    boxes_px, cameras = vehicles.fused.detections.boxes_px, vehicles.cameras
+    is_same = (iou_px(boxes_px, boxes_px) >= SAME_PLACE_IOU) & (cameras[:, None] == cameras)
+    leaders = find_leaders(is_same, vehicles.fused.existence)
+    return np.asarray(leaders == np.arange(len(leaders)))
 
 
 def _are_as_far(vehicles: Vehicles, found: Vehicles, camera: FrameGeometry) -> Bool:
