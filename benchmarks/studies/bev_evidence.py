@@ -141,8 +141,8 @@ def _seen_in(
     found = bev_vehicles(above.detect(frame.points_velo), above.class_names, frame)
     found = found.select(np.flatnonzero(found.cameras == 0))
     vehicles = locate(camera.detect(frame).fused, frame, None)
-    pairs = find_pairs(vehicles, found, frame)
-    count, rows, columns = len(found), pairs.detections, pairs.tracks
+    columns, rows = find_pairs(vehicles, found, frame)
+    count = len(found)
     is_vehicle = SizePriors.of(found.fused.detections.types).has_sides
     of_label = SizePriors.of(labels.types).has_sides
     away_m = center_distances_m(found.boxes, labels.boxes_velo)

@@ -123,6 +123,7 @@ class Vehicles:
         cameras: (M,) camera whose image the detection is in, 0 of the main one and n of the n-th of
             `Frame.further_cameras`, -1 of one in no image; else the main camera of all.
         bev_scores: (M,) score of the detector of the bird's-eye view, NaN where it has not found the vehicle.
+        bev_types: (M,) class that it names, empty there.
     """
 
     fused: FusedDetections
@@ -135,6 +136,7 @@ class Vehicles:
     owners: Int
     cameras: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     bev_scores: Float64 = field(default_factory=lambda: np.zeros(0))
+    bev_types: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, np.str_))
 
     def __post_init__(self) -> None:
         """Validate shapes and lengths."""
@@ -143,8 +145,11 @@ class Vehicles:
             object.__setattr__(self, "cameras", np.zeros(count, np.int64))
         if not len(self.bev_scores):
             object.__setattr__(self, "bev_scores", np.full(count, np.nan))
+        if not len(self.bev_types):
+            object.__setattr__(self, "bev_types", np.full(count, "", np.str_))
         require_shape("Vehicles.cameras", self.cameras, (count,))
         require_shape("Vehicles.bev_scores", self.bev_scores, (count,))
+        require_shape("Vehicles.bev_types", self.bev_types, (count,))
         require_shape("Vehicles.ids", self.ids, (count,))
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Vehicles.distances_m", self.distances_m, (count,))

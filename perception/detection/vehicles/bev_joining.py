@@ -16,7 +16,7 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
-from perception.tracking.association import Association, assign_with_max_cost
+from perception.tracking.association import assign_with_max_cost
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.duplicates import find_leaders
 from perception.tracking.vehicles.evidence import log_odds, probability
@@ -29,10 +29,11 @@ from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
 _MIN_IOU_PX = 0.3  # minimum IoU of a detection and the outline of a 3D box in its image
 _MIN_IOU = 0.2  # minimum IoU on the ground, with which that in the image does not matter
+_MAX_COST = 3.0
 _MAX_DEVIATIONS = 3.0  # of the distances along the ray of one object
 _RAY_NOISE_M, _RAY_NOISE_SHARE = 0.7, 0.04  # deviation of these, and its growth with distance
 _ASSUMED_DEPTH_SHARE = 0.3  # deviation of a distance by the height in the image alone
-_CLASS_COST = 0.2  # cost of a pair of two classes
+_SURE = 0.5  # minimum existence of a detection that is paired before the others
 # What the view from above adds to the log-odds of a detection's score, that its rectangle fits, and of its existence: share
 # of its own log-odds, and what being found at all says. Fitted to 140 frames of synthetic streets, of 64 and 32 beams: it
 # tells hardly more of the rectangle than the camera does (all of its log-odds would cost precision), of existence as much.
@@ -41,8 +42,8 @@ _SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.0), (0.5, 1.0)
 _INFLATION = 1.4
 # Log-odds that an object is there although a camera that should show it does not, fitted there.
 _UNSEEN = -1.7
-# Classes of the view from above that a detector in an image calls trucks.
-_LARGE, _TRUCK = ("Bus", "Trailer"), "Truck"
+# Classes that detectors in images do not know; on synthetic drives these miss true ones as often as false ones.
+_UNKNOWN_IN_IMAGES = ("Motorcycle", "Bicycle")
 
 
 def join_bev(
@@ -56,15 +57,16 @@ def join_bev(
         frame: Frame of both.
         searched: Numbers of the cameras whose images were searched.
     """
-    pairs = find_pairs(vehicles, found, frame)
-    rows, of_bev = pairs.tracks, pairs.detections
+    rows, of_bev = find_pairs(vehicles, found, frame)
     found_m2, own_m2 = spreads_m2(found.select(of_bev)), spreads_m2(vehicles.select(rows))
     is_better = _INFLATION**2 * found_m2 < own_m2
     joined = _joined(vehicles, found, rows, of_bev, is_better)
-    left = pairs.unmatched_detections
+    left = np.setdiff1d(np.arange(len(found)), of_bev)
     left = left[~are_covered(found.boxes[left], joined)]
     rest = found.select(left)
-    unseen = np.where(np.isin(rest.cameras, list(searched)), _UNSEEN, 0.0)
+    is_expected = np.isin(rest.cameras, list(searched))
+    is_expected &= ~np.isin(rest.bev_types, _UNKNOWN_IN_IMAGES)
+    unseen = np.where(is_expected, _UNSEEN, 0.0)
     rest = _with_evidence(rest, unseen, unseen)
     # Returns of an object go with its 3D box.
     row_of = np.full(len(found), -1)
@@ -76,8 +78,8 @@ def join_bev(
     return both.select(np.argsort(-both.fused.detections.scores, kind="stable"))
 
 
-def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> Association:
-    """Return the pairs of V vehicles and M of the bird's-eye view that are one."""
+def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> tuple[Int, Int]:
+    """Return (P,) rows of V vehicles and of M of the bird's-eye view that are one, those that surely exist paired first."""
     overlap_px, is_as_far = (np.zeros((len(vehicles), len(found))) for _ in range(2))
     for camera in np.unique(vehicles.cameras).tolist():
         rows = np.flatnonzero(vehicles.cameras == camera)
@@ -92,9 +94,16 @@ def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> Association
     is_alike = SizePriors.of(types).has_sides[:, None] == SizePriors.of(others).has_sides
     is_same = (overlap >= _MIN_IOU) | ((overlap_px >= _MIN_IOU_PX) & (is_as_far > 0))
     is_same &= is_alike & _are_leading(vehicles)[:, None]
-    costs = 1 - np.maximum(overlap_px, overlap) + _CLASS_COST * (types[:, None] != others)
-    costs = costs + (1 - vehicles.fused.existence[:, None]) + (1 - found.fused.existence)
-    return assign_with_max_cost(costs, is_same, 3.0 + _CLASS_COST)
+    existence = vehicles.fused.existence
+    costs = 3.0 - np.maximum(overlap_px, overlap) - existence[:, None] - found.fused.existence
+    of_vehicle = np.full(len(vehicles), -1)
+    for rows in (np.flatnonzero(existence >= _SURE), np.flatnonzero(existence < _SURE)):
+        free = np.setdiff1d(np.arange(len(found)), of_vehicle)
+        both = np.ix_(rows, free)
+        pairs = assign_with_max_cost(costs[both], is_same[both], _MAX_COST)
+        of_vehicle[rows[pairs.tracks]] = free[pairs.detections]
+    rows = np.flatnonzero(of_vehicle >= 0)
+    return rows, of_vehicle[rows]
 
 
 def _are_leading(vehicles: Vehicles) -> Bool:
@@ -149,17 +158,16 @@ def _joined(
     distances_m[rows[is_better]] = seen.distances_m[is_better]
     bev_scores = np.full(len(vehicles), np.nan)
     bev_scores[rows] = seen.bev_scores
+    bev_types = np.full(len(vehicles), "", seen.bev_types.dtype)
+    bev_types[rows] = seen.bev_types
     # Which end is the front says the surer one, whichever box is taken.
     is_surer = seen.box_deviations.reversal < own.box_deviations.reversal
     ahead_rad = seen.boxes.yaw_rad + wrap(own.boxes.yaw_rad - seen.boxes.yaw_rad, np.pi)
     boxes = replace(own.boxes, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.boxes.yaw_rad))
     reversal = np.where(is_surer, seen.box_deviations.reversal, own.box_deviations.reversal)
     deviations = replace(own.box_deviations, reversal=reversal)
-    types, above = own.fused.detections.types, seen.fused.detections.types
-    of_all = vehicles.fused.detections.types.astype(np.result_type(types, above))
-    of_all[rows] = np.where((types == _TRUCK) & np.isin(above, _LARGE), above, types)
     return replace(
-        _with_evidence(vehicles.with_detections(types=of_all), *evidence),
+        _with_evidence(vehicles, *evidence),
         boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),
         covariances=covariances,
         box_deviations=vehicles.box_deviations.replaced(
@@ -167,6 +175,7 @@ def _joined(
         ),
         distances_m=distances_m,
         bev_scores=bev_scores,
+        bev_types=bev_types,
     )
 
 

@@ -84,6 +84,7 @@ def bev_vehicles(
         owners=owners,
         cameras=cameras,
         bev_scores=found.scores,
+        bev_types=types,
     )
 
 

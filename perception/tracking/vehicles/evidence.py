@@ -40,17 +40,18 @@ def with_heights(existence: Float64, heights_m: Float64, detections: Detections)
     return probability(log_odds(existence) - against)
 
 
-def remembered(elapsed_s: float) -> float:
+def remembered(elapsed_s: float, memory_s: float = _MEMORY_S) -> float:
     """Return the share of the evidence that is left after a time."""
-    return float(np.exp(-elapsed_s / _MEMORY_S))
+    return float(np.exp(-elapsed_s / memory_s))
 
 
-def added(log_odds: Float64 | float, elapsed_s: float) -> Float64:
+def added(log_odds: Float64 | float, elapsed_s: float, memory_s: float = _MEMORY_S) -> Float64:
     """Return the evidence that log-odds of a scan add, for the time since the scan before.
 
     With the memory, evidence is the mean of the log-odds over time, whatever the rate of the scans.
     """
-    return np.asarray(_MAX_EVIDENCE_RATIO * (1.0 - remembered(elapsed_s)) * log_odds)
+    share = 1.0 - remembered(elapsed_s, memory_s)
+    return np.asarray(_MAX_EVIDENCE_RATIO * share * log_odds)
 
 
 def probability(evidence: Float64) -> Float64:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
+from perception.tracking.vehicles.class_names import class_likelihoods, height_likelihoods
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
@@ -101,7 +102,7 @@ class VehicleObservations(ArrayTable):
         noise: (D, 2, 2) covariances of the positions.
         axis_rad: (D,) standard deviations of the axes of the boxes; NaN where they are not known.
         size_deviations_m: (D, 3) standard deviations of length, width and height; NaN where they are not known.
-        class_scores: (D, C) highest score of each class at the place of the detection.
+        class_likelihoods: (D, C) logarithms of the likelihoods of its names and its height by each class.
         existence: (D,) probability that an object of any class is there.
         is_above: (D,) whether it was found from above, where no returns of another object can be taken for its own.
     """
@@ -114,7 +115,7 @@ class VehicleObservations(ArrayTable):
     noise: Annotated[Float64, 2, 2]
     axis_rad: Float64
     size_deviations_m: Annotated[Float64, 3]
-    class_scores: Annotated[Float64, ...]
+    class_likelihoods: Annotated[Float64, ...]
     existence: Float64
     is_above: Bool
 
@@ -144,8 +145,6 @@ class VehicleObservations(ArrayTable):
         by_class = _of_classes(fused.detections, fused.existence, classes, is_same_place)
         likely = np.minimum(by_class.sum(axis=1), 1.0)
         kept = np.flatnonzero(likely >= min_existence)
-        scores = fused.detections.scores
-        class_scores = _of_classes(fused.detections, scores, classes, is_same_place[kept])
         rows = rows[kept]
         frame = FrameGeometry.of_rows(cameras, numbers[rows])
         detections, boxes = fused.detections[rows], vehicles.boxes[rows]
@@ -156,6 +155,9 @@ class VehicleObservations(ArrayTable):
         has_sides = SizePriors.of(detections.types).has_sides
         noise = _located_noise(boxes, vehicles.point_counts[rows], has_sides)
         known = np.flatnonzero(is_located)
+        above = vehicles.bev_types[rows]
+        is_in_image = (above == "") | (fused.dominant_modality[rows] >= 0)
+        named = np.where(is_in_image, detections.types, "")
         return cls(
             rows,
             numbers[rows],
@@ -165,7 +167,10 @@ class VehicleObservations(ArrayTable):
             np.where(is_located[:, None, None], noise, assumed_noise),
             vehicles.box_deviations.yaw_rad[rows],
             vehicles.box_deviations.size_m[rows],
-            class_scores,
+            class_likelihoods(named, above, classes)
+            + height_likelihoods(
+                np.where(is_in_image, heights_m, np.nan), detections.boxes_px, classes
+            ),
             with_heights(likely[kept], heights_m, detections),
             np.isfinite(vehicles.bev_scores[rows]),
         )

@@ -9,7 +9,7 @@ from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.kalman import Gaussians
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.evidence import added, log_odds
+from perception.tracking.vehicles.evidence import added, log_odds, remembered
 from perception.tracking.vehicles.motion_modes import MotionModes
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
@@ -31,6 +31,7 @@ _BOX_GAIN = 0.5  # gain of the correction of a box in the image
 RELOCATE_AFTER_S = 0.25
 # Time constants of the memories of an axis and of a size, and the deviation below which one observation weighs no more.
 _AXIS_MEMORY_S, _SIZE_MEMORY_S, _SURE_SIZE_M = 0.5, 4.0, 0.1
+_CLASS_MEMORY_S = 4.0  # time constant of the memory of what tells the class
 _SIDEWAYS_M_S = 1.0  # standard deviation of the velocity of a vehicle across its axis
 _SURE_AXIS_RAD = 0.05  # standard deviation of an observed axis, of which half the weight is left
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
@@ -86,7 +87,7 @@ def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> Vehi
         low_world_m=boxes.bottom_m[:, 2],
         modes=MotionModes.init(states),
         ids=np.full(count, -1),
-        class_evidence=observations.class_scores,
+        class_evidence=observations.class_likelihoods,
         scores=observations.detections.scores,
         evidence=log_odds(observations.existence),
         detections=np.ones(count, np.int64),
@@ -137,7 +138,8 @@ def update_tracks(
     evidence = tracks.evidence + added(odds, elapsed_s)
     tracks = replace(
         tracks,
-        class_evidence=tracks.class_evidence + observations.class_scores,
+        class_evidence=remembered(elapsed_s, _CLASS_MEMORY_S) * tracks.class_evidence
+        + added(observations.class_likelihoods, elapsed_s, _CLASS_MEMORY_S),
         scores=observations.detections.scores,
         evidence=evidence,
         detections=tracks.detections + 1,

@@ -20,13 +20,13 @@ from perception.tracking.track_table import MAX_PAUSE_S, ROUNDING_S
 from perception.tracking.track_update import SensorPose
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
+from perception.tracking.vehicles.class_names import NAMED_CLASSES, log_shares
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate, merged
 from perception.tracking.vehicles.evidence import (
     MISS,
     added,
-    likeliest_classes,
     probability,
     remembered,
 )
@@ -78,8 +78,6 @@ _MAX_GROUND_COST = 20.0  # the same of the position of what was found from above
 _OUTLINE_WEIGHT = 0.6  # of the outline of a 3D box in the reported box of a vehicle in the image
 _MAX_OUTLINE_SHARE = 0.4  # maximum difference of their sides, in width and height, where they agree
 _MAX_UNLOCATED_S = 2.0  # after which a track has the place and the class of its image alone
-_HEIGHT_DEVIATION_M = 0.03  # of the height of a track, which tells classes apart
-_SCORE_WEIGHT = 0.2  # of the logarithm of scores beside that of the likelihood of a height
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
 _OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])  # signs of growth at the sides x1 y1 x2 y2
 
@@ -107,8 +105,10 @@ class VehicleTracker:
 
     def clear(self) -> None:
         """Delete all tracks; their ids are not used again."""
-        self._classes = np.array([], np.str_)
-        self._tracks = replace(VehicleTable.empty(), class_evidence=np.zeros((0, 0)))
+        self._classes, self._named = NAMED_CLASSES, set[str]()
+        self._tracks = replace(
+            VehicleTable.empty(), class_evidence=np.zeros((0, len(NAMED_CLASSES)))
+        )
         self._seen: Int = np.zeros(0, np.int64)
         self._track_of: Int = np.zeros(0, np.int64)
         self._stamp_s: float | None = None
@@ -144,7 +144,7 @@ class VehicleTracker:
             cameras, vehicles = [*cameras, *views], with_views(vehicles, views, real)
         self._sensor = SensorPose(world_SE3_velo[:2, 3], covariance)
         self._predict(cameras[0])
-        self._learn_classes(vehicles.fused.detections.types)
+        self._learn_classes(np.append(vehicles.fused.detections.types, vehicles.bev_types))
         observations = VehicleObservations.of(
             vehicles, cameras, self._classes, self._config.min_existence
         )
@@ -178,12 +178,13 @@ class VehicleTracker:
         )
 
     def _learn_classes(self, types: NDArray[np.str_]) -> None:
-        """Add a column of evidence for each class that was never detected before."""
-        new = sorted(set(types.tolist()) - set(self._classes.tolist()))
+        """Note the classes that some source names; one of other detectors was as unlikely as the unlikeliest so far."""
+        self._named |= set(types.tolist()) - {""}
+        new = sorted(self._named - set(self._classes.tolist()))
         self._classes = np.array([*self._classes.tolist(), *new], np.str_)
-        evidence = np.zeros((len(self._tracks), len(self._classes)))
-        evidence[:, : len(self._classes) - len(new)] = self._tracks.class_evidence
-        self._tracks = replace(self._tracks, class_evidence=evidence)
+        known = self._tracks.class_evidence
+        lowest = np.tile(known.min(axis=1, keepdims=True), len(new))
+        self._tracks = replace(self._tracks, class_evidence=np.hstack([known, lowest]))
 
     def _update_and_init(
         self, observations: VehicleObservations, cameras: Sequence[FrameGeometry]
@@ -302,14 +303,12 @@ class VehicleTracker:
         return _classified(moving, self._tracks, types)
 
     def _types(self, tracks: VehicleTable) -> NDArray[np.str_]:
-        """Return (T,) the class of the most evidence of each track; a person faster than a walker rides."""
+        """Return (T,) the likeliest class of each track; a person faster than a walker rides."""
         if not len(tracks):
             return np.array([], np.str_)
-        heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], np.nan)
-        rows = likeliest_classes(
-            tracks.class_evidence, heights_m, self._classes, _HEIGHT_DEVIATION_M, _SCORE_WEIGHT
-        )
-        types = self._classes[rows]
+        posterior = tracks.class_evidence + log_shares(self._classes)
+        is_named = np.isin(self._classes, list(self._named))
+        types = self._classes[np.where(is_named, posterior, -np.inf).argmax(axis=1)]
         return np.where((tracks.riding_votes > 0) & (types == _WALKER), _RIDER, types)
 
     def _with_tracks(

@@ -50,7 +50,7 @@ class VehicleTable(GroundPlaneTracks):
     Attributes:
         modes: (T) both motions, of which the state is the mean.
         ids: (T,) ids; -1 of unconfirmed tracks.
-        class_evidence: (T, C) evidence for each class.
+        class_evidence: (T, C) logarithms of the likelihoods of each class.
         scores: (T,) score of the last detection.
         evidence: (T,) log-odds that the track is an object.
         detections: (T,) number of detections.

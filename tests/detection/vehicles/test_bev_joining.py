@@ -126,7 +126,8 @@ def test_a_bus_that_a_camera_calls_a_truck_is_a_bus_and_stays_one():
         frame, located, found = seen_by_both(true, above(true, number=bus), kind="Truck")
         frame = replace(frame, index=index, stamp_s=0.1 * index)
         joined = join_bev(located, found, frame, [0])
-        assert joined.fused.detections.types.tolist() == ["Bus"]
+        named = joined.fused.detections.types.tolist(), joined.bev_types.tolist()
+        assert named == (["Truck"], ["Bus"])
         tracked = tracker.update(joined, frame, np.eye(4)).vehicles
     assert tracked.fused.detections.types.tolist() == ["Bus"]
     assert tracked.ids[0] >= 0

@@ -39,7 +39,6 @@ def test_an_object_is_as_likely_as_its_detector_says_whatever_the_score_of_its_b
     vehicles = locate(fused, frame_of(road()), FlatRoad())
     seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     np.testing.assert_allclose(seen.existence, [0.97])
-    np.testing.assert_allclose(seen.class_scores, [[0.3, 0.0]])
 
 
 @pytest.mark.parametrize(
@@ -75,13 +74,12 @@ def test_the_height_of_what_the_upper_border_cuts_is_not_known():
     assert seen.existence[0] == pytest.approx(0.69, abs=0.01)
 
 
-def test_scores_of_two_classes_at_one_place_add_up():
+def test_existence_of_two_classes_at_one_place_adds_up():
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.3, 0.4])
     types = np.array(["Car", "Van", "Van"])
     shown = replace(shown, detections=replace(shown.detections, types=types))
     vehicles = locate(shown, frame_of(road()), FlatRoad())
     seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
-    np.testing.assert_allclose(seen.class_scores, [[0.5, 0.3], [0.5, 0.3], [0.0, 0.4]])
     np.testing.assert_allclose(seen.existence, [0.8, 0.8, 0.4])
 
 
