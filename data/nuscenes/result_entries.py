@@ -61,13 +61,15 @@ class ResultEntries(Restorable):
         }
 
     def _entries(self, token: str, index: int, vehicles: Vehicles) -> list[dict[str, Any]]:
+        # Boxes match by their places: what counts is that an object is there, not how well a rectangle fits.
+        scores = vehicles.scan_existence
         detections, pose = vehicles.fused.detections, self._drive.map_SE3_velo(index)
         is_moving, types = _are_moving(vehicles), task_classes(detections.types.tolist())
         boxes = transform_boxes(pose, vehicles.boxes)
         centers_m = boxes.centers_m
         velocities_m_s = np.nan_to_num(vehicles.velocities_m_s) @ pose[:2, :2].T
         rows = np.flatnonzero((types != "") & np.isfinite(boxes.yaw_rad))
-        rows = rows[np.argsort(-detections.scores[rows], kind="stable")][:MAX_BOXES]
+        rows = rows[np.argsort(-scores[rows], kind="stable")][:MAX_BOXES]
         return [
             {
                 "sample_token": token,
@@ -76,7 +78,7 @@ class ResultEntries(Restorable):
                 "rotation": _rounded(_quaternion(float(boxes.yaw_rad[row])), 6),
                 "velocity": _rounded(velocities_m_s[row], 4),
                 "detection_name": str(types[row]),
-                "detection_score": round(float(detections.scores[row]), 6),
+                "detection_score": round(float(scores[row]), 6),
                 "attribute_name": self._attribute(
                     str(types[row]),
                     str(detections.types[row]),

@@ -124,6 +124,7 @@ class Vehicles:
             `Frame.further_cameras`, -1 of one in no image; else the main camera of all.
         bev_scores: (M,) score of the detector of the bird's-eye view, NaN where it has not found the vehicle.
         bev_types: (M,) class that it names, empty there.
+        scan_existence: (M,) probability, 0..1, that the object exists, by this scan and its images alone.
     """
 
     fused: FusedDetections
@@ -137,6 +138,7 @@ class Vehicles:
     cameras: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     bev_scores: Float64 = field(default_factory=lambda: np.zeros(0))
     bev_types: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, np.str_))
+    scan_existence: Float64 = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Validate shapes and lengths."""
@@ -147,9 +149,12 @@ class Vehicles:
             object.__setattr__(self, "bev_scores", np.full(count, np.nan))
         if not len(self.bev_types):
             object.__setattr__(self, "bev_types", np.full(count, "", np.str_))
+        if not len(self.scan_existence):
+            object.__setattr__(self, "scan_existence", self.fused.existence)
         require_shape("Vehicles.cameras", self.cameras, (count,))
         require_shape("Vehicles.bev_scores", self.bev_scores, (count,))
         require_shape("Vehicles.bev_types", self.bev_types, (count,))
+        require_shape("Vehicles.scan_existence", self.scan_existence, (count,))
         require_shape("Vehicles.ids", self.ids, (count,))
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Vehicles.distances_m", self.distances_m, (count,))

@@ -334,6 +334,7 @@ class VehicleTracker:
             covariances=covariances,
             box_deviations=deviations,
             boxes=boxes,
+            scan_existence=vehicles.fused.existence,
         )
 
     def _uncertainty(
