@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.image_heights import top_deviations
-from perception.types import Float64
+from perception.types import Float64, Vehicles
 
 # Share of objects that a source names at random: what synthetic drives do not show of real ones.
 _RANDOM_SHARE = 0.1
@@ -78,6 +78,12 @@ def log_shares(classes: NDArray[np.str_]) -> Float64:
     counts = [one.objects for one in _CLASSES.values()]
     shares = [_CLASSES[name].objects if name in _CLASSES else min(counts) for name in classes]
     return np.log(np.array(shares, np.float64) / _OBJECTS)
+
+
+def names_in_images(vehicles: Vehicles) -> NDArray[np.str_]:
+    """Return (M,) names of untracked vehicles in images; empty of those that were found from above alone."""
+    is_shown = (vehicles.bev_types == "") | (vehicles.fused.dominant_modality >= 0)
+    return np.where(is_shown, vehicles.fused.detections.types, "")
 
 
 def class_likelihoods(

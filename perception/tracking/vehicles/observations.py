@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
-from perception.tracking.vehicles.class_names import class_likelihoods, height_likelihoods
+from perception.tracking.vehicles.class_names import (
+    class_likelihoods,
+    height_likelihoods,
+    names_in_images,
+)
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
@@ -155,9 +159,8 @@ class VehicleObservations(ArrayTable):
         has_sides = SizePriors.of(detections.types).has_sides
         noise = _located_noise(boxes, vehicles.point_counts[rows], has_sides)
         known = np.flatnonzero(is_located)
-        above = vehicles.bev_types[rows]
-        is_in_image = (above == "") | (fused.dominant_modality[rows] >= 0)
-        named = np.where(is_in_image, detections.types, "")
+        named = names_in_images(vehicles)[rows]
+        shown_m = np.where(named == "", np.nan, heights_m)
         return cls(
             rows,
             numbers[rows],
@@ -167,10 +170,8 @@ class VehicleObservations(ArrayTable):
             np.where(is_located[:, None, None], noise, assumed_noise),
             vehicles.box_deviations.yaw_rad[rows],
             vehicles.box_deviations.size_m[rows],
-            class_likelihoods(named, above, classes)
-            + height_likelihoods(
-                np.where(is_in_image, heights_m, np.nan), detections.boxes_px, classes
-            ),
+            class_likelihoods(named, vehicles.bev_types[rows], classes)
+            + height_likelihoods(shown_m, detections.boxes_px, classes),
             with_heights(likely[kept], heights_m, detections),
             np.isfinite(vehicles.bev_scores[rows]),
         )

@@ -20,7 +20,12 @@ from perception.tracking.track_table import MAX_PAUSE_S, ROUNDING_S
 from perception.tracking.track_update import SensorPose
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
-from perception.tracking.vehicles.class_names import NAMED_CLASSES, log_shares
+from perception.tracking.vehicles.class_names import (
+    NAMED_CLASSES,
+    class_likelihoods,
+    log_shares,
+    names_in_images,
+)
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate, merged
@@ -70,7 +75,6 @@ _IMAGE_GATE = (
 )
 _SIDE_DEVIATION_SHARE = 0.16  # of the sides of a 2D box from their prediction, in width and height
 _MIN_SIZE_PX = 4.0  # minimum width and height in that share
-_CLASS_CHANGE_COST = 10.0  # cost of a detection of another class than that of the track
 # Maximum squared distance of a detection, four sides and a position, in standard deviations: all
 # but 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
 _MAX_COST = 30.0
@@ -155,7 +159,7 @@ class VehicleTracker:
         self._track_of = row_of[self._track_of]
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
-        tracked = self._with_tracks(vehicles, cameras, types)
+        tracked = self._with_tracks(self._with_classes(vehicles), cameras, types)
         return VehicleTrackerResult(without_views(tracked, real), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
@@ -261,13 +265,14 @@ class VehicleTracker:
         # What has come far since the last frame need not overlap its old box.
         is_allowed = overlap >= _MIN_IOU
         is_allowed |= is_near & (in_image <= _IMAGE_GATE)
-        is_other = types[:, None] != detections.types
+        likelihoods = observations.class_likelihoods
+        kinds = (types[:, None] == self._classes).argmax(axis=1)
+        by_class = 2 * (likelihoods.max(axis=1, keepdims=True) - likelihoods)[:, kinds].T
         # A van may be taken for a car, but no person for a vehicle.
         is_allowed &= (
             SizePriors.of(types).has_sides[:, None] == SizePriors.of(detections.types).has_sides
         )
-        costs = in_image + on_ground + _CLASS_CHANGE_COST * is_other
-        return np.where(is_allowed, costs, np.inf)
+        return np.where(is_allowed, in_image + on_ground + by_class, np.inf)
 
     def _side_deviations_px(self, expected_px: Float64) -> tuple[Float64, Float64]:
         """Return (C, T, 4) standard deviations of the sides of expected boxes, and (C, T) the share of the pose.
@@ -306,10 +311,21 @@ class VehicleTracker:
         """Return (T,) the likeliest class of each track; a person faster than a walker rides."""
         if not len(tracks):
             return np.array([], np.str_)
-        posterior = tracks.class_evidence + log_shares(self._classes)
-        is_named = np.isin(self._classes, list(self._named))
-        types = self._classes[np.where(is_named, posterior, -np.inf).argmax(axis=1)]
+        types = self._likeliest(tracks.class_evidence)
         return np.where((tracks.riding_votes > 0) & (types == _WALKER), _RIDER, types)
+
+    def _likeliest(self, evidence: Float64) -> NDArray[np.str_]:
+        """Return (M,) the likeliest class by (M, C) evidence, of those that some source names."""
+        is_named = np.isin(self._classes, list(self._named))
+        posterior = np.where(is_named, evidence + log_shares(self._classes), -np.inf)
+        return self._classes[posterior.argmax(axis=1)]
+
+    def _with_classes(self, vehicles: Vehicles) -> Vehicles:
+        """Return untracked vehicles with the classes by all names of those that were found from above."""
+        above, in_image = vehicles.bev_types, names_in_images(vehicles)
+        types = self._likeliest(class_likelihoods(in_image, above, self._classes))
+        types = np.where((above == "") | (in_image == ""), vehicles.fused.detections.types, types)
+        return vehicles.with_detections(types=types)
 
     def _with_tracks(
         self, vehicles: Vehicles, cameras: Sequence[FrameGeometry], types: NDArray[np.str_]
