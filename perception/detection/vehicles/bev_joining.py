@@ -1,8 +1,9 @@
 """Joining of the objects of the bird's-eye view with those that cameras and maps have found: each is one vehicle.
 
 A detection in an image and an object seen from above are the same where the outline of its 3D box in that image overlaps
-the detection, and both are as far along the ray. The image keeps class and rectangle, the 3D box is the one of the lower
-stated deviations, and log-odds of scores are added. What a camera should have seen and has not keeps a lower score.
+the detection, and both are as far along the ray. The image keeps the rectangle, the tracker decides the class by both names,
+the 3D box is the one of the lower stated deviations, and log-odds of scores are added. What a camera should have seen and
+has not keeps a lower score.
 """
 
 from collections.abc import Collection

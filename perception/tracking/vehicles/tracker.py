@@ -318,7 +318,7 @@ class VehicleTracker:
         """Return (M,) the likeliest class by (M, C) evidence, of those that some source names."""
         is_named = np.isin(self._classes, list(self._named))
         posterior = np.where(is_named, evidence + log_shares(self._classes), -np.inf)
-        return self._classes[posterior.argmax(axis=1)]
+        return np.asarray(self._classes[posterior.argmax(axis=1)])
 
     def _with_classes(self, vehicles: Vehicles) -> Vehicles:
         """Return untracked vehicles with the classes by all names of those that were found from above."""
