@@ -133,6 +133,20 @@ def test_a_bus_that_a_camera_calls_a_truck_is_a_bus_and_stays_one():
     assert tracked.ids[0] >= 0
 
 
+def test_the_likeliest_class_of_a_camera_takes_the_surest_box_from_above():
+    true = cars((20.0, 3.0, 0.1), size_m=(11.0, 2.9, 3.1))
+    part = replace(true, size_m=np.array([[7.0, 2.4, 2.9]]))
+    whole, front = above(true, score=0.6, number=3), above(part, score=0.12, number=1)
+    frame, located, found = seen_by_both(true, whole.joined(front), kind="Truck")
+    other = located.with_detections(scores=np.array([0.2]), types=np.array(["Van"]))
+    both = Vehicles.concatenate([located, other], located.owners)
+    existence = np.array([0.8, 0.3])
+    both = replace(both, fused=replace(both.fused, existence=existence))
+    joined = join_bev(both, found, frame, [0])
+    named = dict(zip(joined.fused.detections.types, joined.bev_types, strict=True))
+    assert named == {"Truck": "Bus", "Van": ""}
+
+
 def test_a_person_before_a_car_and_a_car_behind_another_stay_two():
     true = cars(AHEAD)
     person = cars((11.0, 2.2, 0.0), size_m=(0.7, 0.6, 1.75))
