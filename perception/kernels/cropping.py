@@ -3,12 +3,13 @@
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, array_of, compiled
-from perception.types import Float32, Int
+from perception.types import Bool, Float32, Float64, Int
 
 # Lowest and highest x, lowest and highest y.
 Rectangle = tuple[float, float, float, float]
 
 _POINTS, _ROWS = array_of(np.float32, 2), array_of(np.int64)
+_NO_DEPTH_M = 1e-6  # up to which a point is behind the camera, as in `geometry.camera`
 
 
 @compiled((_POINTS, (np.float32, np.float32, np.float32, np.float32), np.bool_))
@@ -52,6 +53,39 @@ def rows_within_planes(points: Float32, planes: Float32) -> Int:
             rows[found] = row
             found += 1
     return rows[:found]
+
+
+@compiled((_POINTS, _ROWS, array_of(np.float64, 2), array_of(np.bool_, 2), NUMBER))
+def rows_within_mask(
+    points: Float32, rows: Int, image_P_points: Float64, mask: Bool, max_depth_m: float
+) -> tuple[Int, Float64, Float64, Float64]:
+    """Return those of some rows of (N, 3+) points that are projected onto a mask, in front of the camera.
+
+    Args:
+        points: (N, 3+) points.
+        rows: (M,) rows of the points that count.
+        image_P_points: (3, 4) projection to pixels.
+        mask: (H, W) mask; beyond a border a point counts as on it.
+        max_depth_m: Largest depth.
+
+    Returns:
+        (K,) rows, (K, 3) points, (2, K) columns and rows of the image, and (K,) depths.
+    """
+    P, last_row, last_column = image_P_points, mask.shape[0] - 1.0, mask.shape[1] - 1.0
+    kept, found = np.empty(len(rows), np.int64), 0
+    xyz, pixels, depths_m = np.empty((len(rows), 3)), np.empty((2, len(rows))), np.empty(len(rows))
+    for row in rows:
+        x, y, z = np.float64(points[row, 0]), np.float64(points[row, 1]), np.float64(points[row, 2])
+        depth_m = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+        if not (depth_m > _NO_DEPTH_M and depth_m <= max_depth_m):
+            continue
+        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth_m
+        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth_m
+        if mask[int(min(max(v, 0.0), last_row)), int(min(max(u, 0.0), last_column))]:
+            xyz[found, 0], xyz[found, 1], xyz[found, 2] = x, y, z
+            kept[found], depths_m[found], pixels[0, found], pixels[1, found] = row, depth_m, u, v
+            found += 1
+    return kept[:found], xyz[:found], pixels[:, :found], depths_m[:found]
 
 
 @compiled((_POINTS, _ROWS, array_of(np.float32), NUMBER, NUMBER))

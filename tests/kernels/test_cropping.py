@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from perception.kernels.cropping import crop, rows_within_planes, split_by_height
+from perception.geometry.camera import project
+from perception.kernels.cropping import (
+    crop,
+    rows_within_mask,
+    rows_within_planes,
+    split_by_height,
+)
 
 RECTANGLE = (-2.0, 3.0, -1.0, 1.5)
 
@@ -41,6 +47,21 @@ def test_rows_within_planes_equal_a_mask_without_the_origin() -> None:
     assert 50 < mask.sum() < 400
     np.testing.assert_array_equal(rows_within_planes(points, planes), np.flatnonzero(mask))
     assert rows_within_planes(points[:0], planes).shape == (0,)
+
+
+def test_rows_within_a_mask_are_those_whose_pixels_are_in_front_and_on_it() -> None:
+    points, rows = scan(4), np.arange(0, 500, 2)
+    image_P_velo = np.array([[30.0, -40, 0, 1], [10, 0, -40, 2], [1, 0.1, 0, 0.5]])
+    mask = np.random.default_rng(0).random((21, 61)) < 0.5
+    pixels, depths_m = project(image_P_velo, points[rows])
+    clipped = np.nan_to_num(np.clip(pixels, 0, (60, 20))).astype(np.int64)
+    is_on = (depths_m > 1e-6) & (depths_m <= 6) & mask[clipped[:, 1], clipped[:, 0]]
+    found = rows_within_mask(points, rows, image_P_velo, mask, 6.0)
+    assert 20 < is_on.sum() < 200
+    np.testing.assert_array_equal(found[0], rows[is_on])
+    np.testing.assert_array_equal(found[1], points[rows[is_on], :3])
+    np.testing.assert_allclose(found[2], pixels[is_on].T, rtol=1e-12)
+    np.testing.assert_allclose(found[3], depths_m[is_on], rtol=1e-12)
 
 
 def test_split_by_height_equals_masks() -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.detection.height_cells import HeightCells
-from perception.geometry.camera import project
+from perception.kernels.cropping import rows_within_mask
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
@@ -61,12 +61,13 @@ def find_frustum_points(
     shift = np.array([[1, 0, -low_px[0]], [0, 1, -low_px[1]], [0, 0, 1]])
     window_P_velo = shift @ camera[0].image_P_velo
     rows = rows_near_view(points_velo, window_P_velo, size_px)
-    xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
-    pixels, depths_m = project(window_P_velo, xyz_m)
-    is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
-    around = np.flatnonzero((depths_m > 0) & (depths_m <= max_depth_m) & is_around)
-    rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
-    pixels = pixels.T.take(around, axis=1).T + low_px
+    rows, xyz_m, (u, v), depths_m = rows_within_mask(
+        np.ascontiguousarray(points_velo),
+        rows,
+        window_P_velo,
+        _mask_around(around_px - np.tile(low_px, 2), size_px),
+        max_depth_m,
+    )
     cells = HeightCells.of(xyz_m, _GROUND_CELL_M)
     around_m = cells.ground_around_m(_GROUND_SEARCH_RADIUS_M, _GROUND_STEP_M)
     ground_m = around_m
@@ -81,7 +82,7 @@ def find_frustum_points(
     return FrustumPoints(
         rows[kept],
         xyz_m.take(kept, axis=0),
-        pixels.T.take(kept, axis=1).T,
+        np.stack([u[kept] + low_px[0], v[kept] + low_px[1]]).T,
         depths_m[kept],
         ground_m[kept],
         above_m[kept],
@@ -117,12 +118,10 @@ def _window(boxes_px: Float64) -> tuple[Float64, tuple[int, int]]:
     return low_px, (max(int(width), 1), max(int(height), 1))
 
 
-def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> Bool:
-    """Return whether each pixel of a window lies in a box."""
+def _mask_around(boxes_px: Float64, size_px: tuple[int, int]) -> Bool:
+    """Return the mask of the pixels of a window that lie in a box, with a pixel around them."""
     width, height = size_px
-    is_near = np.zeros((height + 2, width + 2), bool)
+    is_near = np.zeros((height + 1, width + 1), bool)
     for x1, y1, x2, y2 in np.maximum(boxes_px, 0).astype(np.int64).tolist():
         is_near[y1 : y2 + 2, x1 : x2 + 2] = True
-    u, v = pixels.T
-    columns = np.clip(u, 0, width).astype(np.int32)
-    return np.asarray(is_near[np.clip(v, 0, height).astype(np.int32), columns])
+    return is_near

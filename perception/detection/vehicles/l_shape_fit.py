@@ -13,6 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
+from perception.kernels.rectangles import best_rectangles
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import ArrayTable, Float32, Float64
 
@@ -23,11 +24,6 @@ _KEPT_DIRECTIONS = 4  # number of directions for which sizes and positions are t
 _SIDE_DEVIATION_M = 0.15  # standard deviation of points from the side they lie on
 _MAX_SIDE_DISTANCE_M = 0.4  # beyond which a point costs no more, as on roofs and seats
 _SIDE_WEIGHT = 12.0  # number of independent observations that all points together are worth
-_LENGTH_STEPS = (-1.0, 0.0, 1.0)  # lengths that are tried, in deviations from the mean of the class
-_EDGE_DEVIATION_PX = 2.0  # standard deviation of the sides of the 2D box
-_EDGE_DEVIATION_SHARE = 0.07  # increase of the same, as a share of the box's width
-_HIDDEN_SIDE_COST = 4.0  # cost of a box whose side towards the sensor is not observed
-_CENTERED_COST = 2.0  # cost of a box that extends beyond both ends of the points
 
 
 @dataclass(frozen=True)
@@ -136,91 +132,20 @@ def _best_rectangles(
 ) -> tuple[Rectangles, Float32]:
     """Return the best of all sizes and positions, and the direction (F,) along which it was measured."""
     extents = extents.best(_KEPT_DIRECTIONS)
-    # Short axes come first, vehicles and directions last, which makes for long inner loops.
-    sizes_m, size_costs = _sizes(extents, sizes)  # (2, O, F, T), (O, F, T)
-    centers_m, position_costs = _positions(extents, sizes_m)  # (3, 2, O, F, T), (3, 2, F, T)
-    costs = _span_costs(extents.yaw_rad, sizes_m, centers_m, spans)  # (3, 3, O, F, T)
-    costs += extents.costs + size_costs
-    costs += (position_costs[:, None, 0] + position_costs[None, :, 1])[:, :, None]
-    costs = costs.transpose(3, 4, 2, 0, 1)
-    vehicles = np.arange(len(costs))
-    best = costs.reshape(len(costs), -1).argmin(axis=1) if len(costs) else vehicles
-    direction_row, size, along, left = np.unravel_index(best, costs.shape[1:])
-    direction = extents.yaw_rad[vehicles, direction_row]
-    center = np.column_stack(
-        [
-            centers_m[along, 0, size, vehicles, direction_row],
-            centers_m[left, 1, size, vehicles, direction_row],
-        ]
+    columns_px = np.ascontiguousarray(spans.left_right_px)
+    chosen, center, sizes_m = best_rectangles(
+        *(extents.yaw_rad, extents.low_m, extents.high_m, extents.costs),
+        (np.ascontiguousarray(sizes.length_m), np.ascontiguousarray(sizes.width_m)),
+        (columns_px, np.ascontiguousarray(spans.image_P_velo), spans.width_px, spans.heights_m),
     )
-    chosen_m = sizes_m[:, size, vehicles, direction_row].T.astype(np.float64)
-    is_across = size >= len(_LENGTH_STEPS)
+    direction = extents.yaw_rad[np.arange(len(chosen)), chosen[:, 0]]
+    is_across = chosen[:, 1] == 1
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
         np.column_stack(
             [cos * center[:, 0] - sin * center[:, 1], sin * center[:, 0] + cos * center[:, 1]]
         ),
-        np.where(is_across[:, None], chosen_m[:, ::-1], chosen_m),
+        np.where(is_across[:, None], sizes_m[:, ::-1], sizes_m),
         direction.astype(np.float64) + np.where(is_across, np.pi / 2, 0.0),
     )
     return rectangles, direction
-
-
-def _sizes(extents: _Extents, sizes: SizePriors) -> tuple[Float32, Float32]:
-    """Return (2, O, F, T) sizes along and left, first with the length along, and their costs."""
-    mean_m, deviation_m = sizes.length_m.T.astype(np.float32)
-    steps = np.array(_LENGTH_STEPS, np.float32)
-    lengths_m = mean_m + steps[:, None] * deviation_m  # (S, F)
-    widths_m = np.broadcast_to(sizes.width_m[:, 0].astype(np.float32), lengths_m.shape)
-    either_m = np.stack(
-        [np.concatenate([lengths_m, widths_m]), np.concatenate([widths_m, lengths_m])]
-    )
-    seen_m = (extents.high_m - extents.low_m).transpose(2, 0, 1).copy()
-    sizes_m = np.maximum(either_m[..., None], seen_m[:, None])
-    along, across = sizes_m[:, : len(steps)], sizes_m[::-1, len(steps) :]
-    length_m, width_m = np.concatenate([along, across], axis=1)
-    costs = np.zeros_like(length_m)
-    for size_m, prior_m in ((length_m, sizes.length_m), (width_m, sizes.width_m)):
-        mean_m, deviation_m = prior_m.T.astype(np.float32)[:, :, None]
-        costs += ((size_m - mean_m) / deviation_m) ** 2
-    return sizes_m, costs
-
-
-def _positions(extents: _Extents, sizes_m: Float32) -> tuple[Float32, Float32]:
-    """Return (3, 2, O, F, T) centres of boxes at the low end, centred, and at the high end; and their costs."""
-    low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (extents.low_m, extents.high_m))
-    half_m = sizes_m / 2
-    positions_m = np.empty((3, *sizes_m.shape), np.float32)
-    positions_m[0] = low_m[:, None] + half_m
-    positions_m[1] = ((low_m + high_m) / 2)[:, None]
-    positions_m[2] = high_m[:, None] - half_m
-    costs = np.empty((3, *low_m.shape), np.float32)
-    is_low_seen, is_high_seen = low_m > 0, high_m < 0
-    costs[0] = np.where(is_high_seen, _HIDDEN_SIDE_COST, 0.0)
-    costs[1] = np.where(is_low_seen | is_high_seen, _CENTERED_COST, 0.0)
-    costs[2] = np.where(is_low_seen, _HIDDEN_SIDE_COST, 0.0)
-    return positions_m, costs
-
-
-def _span_costs(
-    yaw_rad: Float32, sizes_m: Float32, centers_m: Float32, spans: ImageSpans
-) -> Float32:
-    """Return (3, 3, O, F, T) the cost of the difference between the projection and the 2D box."""
-    rows = spans.image_P_velo[[0, 2]].astype(np.float32)
-    heights_m = spans.heights_m.astype(np.float32)
-    # Column times depth, and depth, are linear in position: a corner's are the centre's plus half a size
-    # along each axis.
-    per_m = np.einsum("ui,ftwi->uwft", rows[:, :2], _axes(yaw_rad), order="C")
-    start = (rows[:, 2:3] * heights_m + rows[:, 3:])[:, None, None, None, :, None]
-    along, left = np.moveaxis(per_m[:, None, :, None] * centers_m, 2, 0)  # (2, 3, O, F, T)
-    middle = along[:, :, None] + left[:, None] + start  # (2, 3, 3, O, F, T)
-    one, other = np.moveaxis(per_m[:, :, None] * (sizes_m / 2), 1, 0)[:, :, None, None]
-    sums, differences = one + other, one - other
-    u, w = np.stack([middle + sums, middle - sums, middle + differences, middle - differences], 1)
-    columns = u / np.maximum(w, np.float32(0.1))  # (4, 3, 3, O, F, T)
-    left_px, right_px = spans.left_right_px.astype(np.float32).T[:, :, None]
-    deviation_px = _EDGE_DEVIATION_PX + _EDGE_DEVIATION_SHARE * (right_px - left_px)
-    # A 2D box ends at the image's sides.
-    off_left = np.clip(columns.min(axis=0), 0, spans.width_px - 1) - left_px
-    off_right = np.clip(columns.max(axis=0), 0, spans.width_px - 1) - right_px
-    return np.asarray((off_left**2 + off_right**2) / deviation_px**2)
