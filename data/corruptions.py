@@ -101,22 +101,23 @@ def _image_of(light: Float32) -> UInt8:
     return np.asarray(np.rint(255 * np.clip(light, 0, 1) ** np.float32(1 / _GAMMA)), np.uint8)
 
 
-def sensor_corruptions(levels: CorruptionLevels, *, has_images: bool) -> list[Corruption]:
-    """Return the corruptions that have levels; darkness only of frames with images.
+def sensor_corruptions(
+    levels: CorruptionLevels, *, has_camera: bool, has_images: bool
+) -> list[Corruption]:
+    """Return the corruptions that have levels; those of the calibration only with a camera, darkness only with images.
 
     Raises:
         UsageError: there is none.
     """
     darkness = levels.darkness if has_images else ()
+    rotation, shift = (levels.rotation, levels.shift) if has_camera else ((), ())
     known = (
         Corruption("darkness of the camera [stops]", darken, ("rgb",), darkness),
         Corruption(
             "LiDAR point dropout [share]", drop_points, MAP_MODALITIES, levels.point_dropout
         ),
-        Corruption(
-            "calibration rotated [degrees]", rotate_calibration, MAP_MODALITIES, levels.rotation
-        ),
-        Corruption("calibration shifted [pixels]", shift_calibration, MAP_MODALITIES, levels.shift),
+        Corruption("calibration rotated [degrees]", rotate_calibration, MAP_MODALITIES, rotation),
+        Corruption("calibration shifted [pixels]", shift_calibration, MAP_MODALITIES, shift),
     )
     used = [one for one in known if one.levels]
     if not used:

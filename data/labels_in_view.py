@@ -9,6 +9,7 @@ from data.labelled_objects import box_owners
 from data.recorded_drive import RecordedDrive
 from perception.geometry.box_overlap_px import area_px
 from perception.geometry.camera import box_outlines_px
+from perception.maps.projection import VIRTUAL_CAMERA
 from perception.types import Calibration, Float32, Float64, Int, Labels
 
 _UNKNOWN_OCCLUSION = 3
@@ -18,20 +19,18 @@ _SAMPLES = 16  # of a box in each direction
 
 
 def labels_of_camera(around: Labels | None, drive: RecordedDrive, index: int) -> Labels:
-    """Return the labels of a frame in the view of the drive's camera, all of them without a camera.
+    """Return the labels of a frame in the view of the drive's camera, of the virtual one without a camera.
 
     Args:
         around: Labels of the objects around; None of a frame that is not labelled, whose image is DontCare.
         drive: Drive of the frame.
         index: Index of the frame.
     """
-    calibration = drive.calibration
+    calibration = drive.calibration or VIRTUAL_CAMERA
     if around is None:
-        size_px = None if calibration is None else calibration.image_size_px
+        size_px = calibration.image_size_px
         image_px = np.array([] if size_px is None else [0.0, 0.0, *size_px]).reshape(-1, 4)
         return replace(empty_labels(), dont_care_px=image_px)
-    if calibration is None:
-        return around
     return labels_in_view(around, calibration, drive.points_velo(index))
 
 

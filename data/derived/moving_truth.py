@@ -25,6 +25,7 @@ from perception.evaluation.multi_object.track_assignment import (
     points_above_bottom,
 )
 from perception.evaluation.objects import LabelledObjects, LabelledView
+from perception.maps.projection import VIRTUAL_CAMERA
 from perception.types import Drive, Float64, Frame
 
 
@@ -151,7 +152,7 @@ def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
 
 
 def _labelled_view(frame: Frame, dont_care_px: Float64) -> LabelledView:
-    view = LabelledView.of(frame.calibration, dont_care_px)
+    view = LabelledView.of(frame.calibration or VIRTUAL_CAMERA, dont_care_px)
     if view is None:
         raise CalibrationError(
             frame.source,

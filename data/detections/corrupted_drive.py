@@ -37,7 +37,9 @@ def measure_corruptions(
         PerceptionError: A frame or its labels cannot be read or used.
     """
     name, frames = reader.drives([root])[0]
-    corruptions = sensor_corruptions(levels, has_images=frames.has_images)
+    # Single frames have a calibration each.
+    has_camera = frames.calibration is not None or not frames.is_sequence
+    corruptions = sensor_corruptions(levels, has_camera=has_camera, has_images=frames.has_images)
     detector = open_modalities(detection)
     fusion = open_fusions(detection, (), detector)["default"]
     measure = RobustnessMeasure(classes, metric, corruptions=corruptions, fusion=fusion)

@@ -19,7 +19,7 @@ from perception.detection.networks import (
 )
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
-from perception.errors import CalibrationError, DriveError
+from perception.errors import DriveError
 from perception.evaluation.vehicle_measure import VehicleMeasure, VehicleReport
 from perception.pipeline import PipelineConfig
 from perception.tracking.vehicles.tracker import VehicleTracker
@@ -121,7 +121,7 @@ def measure_vehicles(
     """Run the pipeline with a detector over a labelled drive, and measure its vehicles.
 
     Args:
-        drive: Drive with a camera, and labelled boxes that have track ids.
+        drive: Drive with labelled boxes that have track ids.
         reader: How its frames are read.
         opened: Detector.
         pipeline: Pipeline configuration.
@@ -129,7 +129,6 @@ def measure_vehicles(
 
     Raises:
         DriveError: The drive has no labelled sequence.
-        CalibrationError: It has no camera.
     """
     if not (drive.is_sequence and drive.has_labels):
         raise DriveError(
@@ -137,12 +136,6 @@ def measure_vehicles(
             expected="frames in order of time with labelled boxes that have track ids",
             found="single frames" if drive.has_labels else "no boxes",
             advice="name such a drive, or make one: trifuse synth OUT --layout tracking",
-        )
-    if drive.calibration is None:
-        raise CalibrationError(
-            drive.root,
-            expected="a camera, in whose image vehicles are compared with labels",
-            found="none",
         )
     measure = VehicleMeasure(display_score)
     results = reader.results(drive, opened.pipeline(pipeline))

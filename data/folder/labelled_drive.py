@@ -28,7 +28,7 @@ class LabelledFolderDrive(FolderDrive):
         return True
 
     def labels(self, index: int) -> Labels:
-        """Return the labels of the objects in the view of the camera, of all around without one."""
+        """Return the labels of the objects in the view of the camera, of the virtual one without a camera."""
         return labels_of_camera(self.labels_around(index), self, index)
 
     def labels_around(self, index: int) -> Labels | None:

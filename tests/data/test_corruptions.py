@@ -5,8 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.corruptions import darken, drop_points, rotate_calibration, shift_calibration
+from data.corruptions import (
+    darken,
+    drop_points,
+    rotate_calibration,
+    sensor_corruptions,
+    shift_calibration,
+)
 from perception.errors import CalibrationError, UsageError
+from perception.evaluation.detection.config import CorruptionLevels
 from perception.geometry.camera import project
 from perception.types import Frame
 from tests.car_frames import CALIBRATION, SIZE_PX
@@ -87,3 +94,8 @@ def test_what_cannot_be(frame):
         drop_points(frame, 1, rng())
     with fault(CalibrationError, expected="a camera's calibration", found="none"):
         rotate_calibration(replace(frame, calibration=None), 1, rng())
+
+
+def test_without_a_camera_only_points_drop_out():
+    found = sensor_corruptions(CorruptionLevels(), has_camera=False, has_images=False)
+    assert [one.name for one in found] == ["LiDAR point dropout [share]"]

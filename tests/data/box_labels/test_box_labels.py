@@ -12,6 +12,7 @@ from data.folder.labelled_drive import LabelledFolderDrive
 from data.folder.observation import observe_folder
 from data.open_drive import open_drive
 from data.samples.bev.labelled_scans import LabelledScans
+from perception.cli.main import main
 from perception.detection.bev.bev_map import BevGrid
 from perception.errors import LabelError
 from perception.geometry.se3 import wrap
@@ -217,7 +218,7 @@ def test_a_part_of_a_drive_keeps_its_labels(drive_folder):
     writers.sustechpoints(root, 2)
     part = open_drive(root).select([1])
     np.testing.assert_allclose(
-        part.labels(0).boxes_velo.bottom_m, true_boxes(1).bottom_m, atol=1e-6
+        part.labels_around(0).boxes_velo.bottom_m, true_boxes(1).bottom_m, atol=1e-6
     )
     assert [path.name for path in part.frame_files(0)] == [
         "000001.npy",
@@ -234,7 +235,7 @@ def test_adopt_finds_the_labels_by_their_content(drive_folder):
     seen = observe_folder(root)
     assert seen.config.labels == "Annotations_of_tool"
     assert [one.value for one in seen.observations if one.what == "labels"] == ["ASAM OpenLABEL"]
-    assert len(open_drive(root).labels(0)) == 4
+    assert len(open_drive(root).labels_around(0)) == 4
 
 
 def test_adopt_finds_labels_among_the_scans(drive_folder):
@@ -286,3 +287,17 @@ def test_tables_without_a_sample_leave_its_scan_without_labels(drive_folder):
     rewrite(root, lambda rows: rows[2].update(sample_token="s9"), "sample_annotation.json")
     with fault(LabelError, "sample_annotation.json record 3", "a scan in sample_data.json", "s9"):
         labels_at(root)
+
+
+def test_without_a_camera_the_virtual_one_shows_labels(drive_folder, capsys):
+    root = drive_folder()
+    writers.sustechpoints(root, 2)
+    labels = open_drive(root).labels(0)
+    assert labels.types.tolist() == ["Car", "Pedestrian", "Cyclist"]  # the truck is behind
+    low, high = labels.boxes_px[:, :2], labels.boxes_px[:, 2:]
+    assert ((low >= 0) & (low < high) & (high <= (1242, 375))).all()
+    assert main(["check", str(root)]) == 0
+    assert "no faults" in capsys.readouterr().out
+    words = "--no-report --pipeline.detection.display-score 0.1"
+    assert main(["evaluate", "vehicles", str(root), *words.split()]) == 0
+    assert "Pedestrian" in capsys.readouterr().out

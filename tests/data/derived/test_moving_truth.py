@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,12 @@ def test_the_camera_s_view_has_its_image(drive, truth):
     seen = scene_at(moving_truth(drive, "camera"), drive, 0).view
     assert seen is not None
     assert seen.image_size_px == drive.calibration.image_size_px
+
+
+def test_without_a_camera_the_virtual_one_has_the_view(drive):
+    frame = replace(drive[1], calibration=None, image=None)
+    view = moving_truth(drive, "camera").scene(frame, 0.2).view
+    assert view.contains(np.array([[20.0, 0, 0], [-20, 0, 0]])).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("write", [write_raw, write_tracking])
