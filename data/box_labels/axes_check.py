@@ -30,7 +30,7 @@ _FEWEST = 3  # boxes, from which axes can be told
 _GAIN, _RATIO = 0.08, 1.25  # of the fit, from which a mistake is named
 _MIN_SHARE = 0.3  # of boxes with a return
 _MAX_BOTTOM_M = 1.0  # middle distance from the ground
-_MAX_TURN_RAD = 2 * np.pi + 0.01
+_MAX_TURN_RAD = 2.5 * np.pi + 0.01  # a turn, and a quarter between axes
 _LONG_TYPES = ("Car", "Van", "Truck", "Bus")
 _ADVICE = "export them in metres and rad in the axes of the scans"
 

@@ -1,9 +1,10 @@
 """Labels of a drive as a tool wrote them: joined to the scans, validated, and read in the axes of the LiDAR."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from perception.detection.bev.bev_map import BevGrid, BevMapper
 from perception.errors import LabelError
 from perception.types import Float64, Int, Labels
 
+Made = TypeVar("Made")
 _SAMPLES = 6  # frames, of which the axes are checked
 _UNTRACKED = -1
 
@@ -51,14 +53,14 @@ class BoxLabels:
         boxes = self.boxes(name)
         if boxes is None:
             return None
-        numbers = self._reading.boxes(numbers_of_boxes(boxes))
+        numbers = _known(self._reading).boxes(numbers_of_boxes(boxes))
         found = boxes_of(numbers, velo_SE3_file)
         return labels_of_boxes(found, self.types(boxes), self.track_ids(boxes))
 
     def boxes(self, name: str) -> Sequence[LabelledBox] | None:
         """Return the boxes of a frame as the files state them, None of one that is not labelled."""
         is_named = self.form.is_per_scan or self.form.names_frames
-        return self._boxes.get(name, None if is_named else ())
+        return _known(self._boxes).get(name, None if is_named else ())
 
     def types(self, boxes: Sequence[LabelledBox]) -> list[str]:
         """Return the types of some boxes."""
@@ -80,8 +82,11 @@ class BoxLabels:
         return {self._frames[one.stem]: one for one in paths if one.stem in self._frames}
 
     @cached_property
-    def _boxes(self) -> Mapping[str, Sequence[LabelledBox]]:
-        """Boxes of each labelled frame, of all files: a fault in one is met before anything is made of the others."""
+    def _boxes(self) -> Mapping[str, Sequence[LabelledBox]] | LabelError:
+        """Boxes of each labelled frame, or the fault in a file, which is met before anything is made of the others."""
+        return _outcome(self._read)
+
+    def _read(self) -> Mapping[str, Sequence[LabelledBox]]:
         boxes: dict[str, list[LabelledBox]] = {}
         for path in label_files(self.path).paths:
             content = read_content(path)
@@ -121,25 +126,39 @@ class BoxLabels:
     @cached_property
     def _track_ids(self) -> Mapping[str, int]:
         """Number of each object: its own where all are numbers, else from 0 in the order of names."""
-        names = {box.track for boxes in self._boxes.values() for box in boxes if box.track}
+        names = {box.track for boxes in _known(self._boxes).values() for box in boxes if box.track}
         if all(name.isdecimal() and len(name) < 10 for name in names):
             return {name: int(name) for name in names}
         return {name: number for number, name in enumerate(sorted(names))}
 
     @cached_property
-    def _reading(self) -> Reading:
-        return choose_reading(self.form, list(self._samples()), self.classes)
+    def _reading(self) -> Reading | LabelError:
+        return _outcome(lambda: choose_reading(self.form, list(self._samples()), self.classes))
 
     def _samples(self) -> Iterator[LabelledSample]:
         mapper, names = BevMapper(self.drive.sensor, BevGrid()), self.drive.scans.names
-        labelled = [index for index, name in enumerate(names) if self._boxes.get(name)]
+        labelled = [index for index, name in enumerate(names) if _known(self._boxes).get(name)]
         for place in sample_indices(len(labelled), _SAMPLES):
             index = labelled[place]
             points_velo = self.drive.scan(index).points_velo
             ground = mapper.ground(points_velo)
             heights_m = ground.distance_m(points_velo)
-            transform, boxes = self.drive.velo_SE3_file(index), self._boxes[names[index]]
+            transform, boxes = self.drive.velo_SE3_file(index), _known(self._boxes)[names[index]]
             yield LabelledSample(boxes, points_velo, heights_m, ground, transform)
+
+
+def _outcome(make: Callable[[], Made]) -> Made | LabelError:
+    """Return what a function makes, or its error: what takes long is found once, and raised at every frame."""
+    try:
+        return make()
+    except LabelError as error:
+        return error
+
+
+def _known(outcome: Made | LabelError) -> Made:
+    if isinstance(outcome, LabelError):
+        raise outcome.with_traceback(None)
+    return outcome
 
 
 def _require_single(boxes: Sequence[LabelledBox]) -> None:

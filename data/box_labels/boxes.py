@@ -12,7 +12,6 @@ import numpy as np
 from data.kitti.reading import read_text
 from perception.atomic_file import write_atomically
 from perception.errors import LabelError
-from perception.geometry.se3 import wrap
 from perception.types import Float64
 
 Record = Mapping[str, Any]
@@ -127,7 +126,7 @@ def as_stated(numbers: Float64) -> Float64:
 
 def along_y(numbers: Float64) -> Float64:
     """Return boxes whose heading is the y axis of the box."""
-    return np.column_stack([numbers[:, :3], numbers[:, [4, 3, 5]], wrap(numbers[:, 6] + np.pi / 2)])
+    return np.column_stack([numbers[:, :3], numbers[:, [4, 3, 5]], numbers[:, 6] + np.pi / 2])
 
 
 def from_bottom(numbers: Float64) -> Float64:
@@ -166,14 +165,13 @@ def entry(record: object, name: str | int, where: str) -> Any:  # noqa: ANN401 -
         LabelError: There is none.
     """
     try:
-        return record[name]  # type: ignore[index]
-    except (KeyError, IndexError, TypeError) as error:
-        found = (
-            ", ".join(map(str, record)) if isinstance(record, Mapping) else type(record).__name__
-        )
-        raise LabelError(
-            where, expected=f"an entry {name!r}", found=found[:80] or "none"
-        ) from error
+        value = record[name]  # type: ignore[index]
+    except (KeyError, IndexError, TypeError):
+        value = None
+    if value is None:
+        found = ", ".join(map(str, record)) if isinstance(record, Mapping) else _kind(record)
+        raise LabelError(where, expected=f"an entry {name!r}", found=found[:80] or "none")
+    return value
 
 
 def numbers_of(record: object, names: Sequence[str | int], where: str) -> tuple[float, ...]:
@@ -224,15 +222,30 @@ def track_name(track: object) -> str:
 
 
 def records(document: object, name: str, where: str | Path) -> list[Any]:
-    """Return the list of a name in a document.
+    """Return the list of records of a name in a document.
 
     Raises:
-        LabelError: There is no list.
+        LabelError: There is no list, or something else in it.
     """
     found = entry(document, name, str(where))
     if not isinstance(found, list):
-        raise LabelError(where, expected=f"a list {name}", found=type(found).__name__)
-    return found
+        raise LabelError(where, expected=f"a list {name}", found=_kind(found))
+    return [as_record(one, f"{where} {name} {row}") for row, one in enumerate(found, start=1)]
+
+
+def as_record(value: object, where: str | Path) -> Record:
+    """Return a value that is a record, as it is.
+
+    Raises:
+        LabelError: It is something else.
+    """
+    if not isinstance(value, Mapping):
+        raise LabelError(where, expected="a record of names and values", found=_kind(value))
+    return value
+
+
+def _kind(value: object) -> str:
+    return f"a list of {len(value)}" if isinstance(value, list) else type(value).__name__
 
 
 def has(document: object, *names: str) -> bool:

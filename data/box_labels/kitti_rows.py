@@ -26,7 +26,7 @@ from data.box_labels.boxes import (
 from data.kitti.labels import DONT_CARE
 from data.kitti.rows import to_numbers
 from perception.errors import LabelError
-from perception.geometry.se3 import inverse, wrap
+from perception.geometry.se3 import inverse
 from perception.types import Float64
 
 _SHORT, _OBJECT, _TRACKING = 8, 15, 17
@@ -40,7 +40,7 @@ def _is_of(text: Any, *lengths: int) -> bool:  # noqa: ANN401 - any content
     rows = [row for row in _rows(text) if row]
     if not isinstance(text, str) or text.lstrip()[:1] in ("<", "{", "["):
         return False
-    return all(len(row) in lengths for row in rows[:3])
+    return not rows or any(len(row) in lengths for row in rows[:3])
 
 
 def has_image_boxes(text: str) -> bool:
@@ -81,7 +81,7 @@ def _from_camera(lidar_SE3_cam: Float64) -> Reading:
 
     def boxes(numbers: Float64) -> Float64:
         bottoms_m = numbers[:, :3] @ lidar_SE3_cam[:3, :3].T + lidar_SE3_cam[:3, 3]
-        heading = wrap(-numbers[:, 6] - np.pi / 2)
+        heading = -numbers[:, 6] - np.pi / 2
         return from_bottom(np.column_stack([bottoms_m, numbers[:, 3:6], heading]))
 
     return Reading("axes of a camera", boxes)

@@ -24,6 +24,7 @@ from data.box_labels.boxes import (
     has,
     numbers_in,
     read_content,
+    records,
     rounded,
     write_document,
 )
@@ -50,7 +51,9 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
     tables = {name: _table(path.with_name(f"{name}.json")) for name in TABLES}
     scans = {
         str(entry(one, "sample_token", where)): one
-        for where, one in _rows(path.with_name("sample_data.json"), tables["sample_data"].values())
+        for where, one in _rows(
+            path.with_name("sample_data.json"), [*tables["sample_data"].values()]
+        )
         if one.get("is_key_frame", True) and _is_cloud(str(entry(one, "filename", where)))
     }
     names = {token: _name(str(one["filename"])) for token, one in scans.items()}
@@ -113,7 +116,8 @@ def _table(path: Path) -> Mapping[str, Record]:
 
 
 def _rows(path: Path, content: Any) -> list[tuple[str, Any]]:  # noqa: ANN401 - a JSON document
-    return [(f"{path} record {number}", one) for number, one in enumerate(content, start=1)]
+    rows = records({"rows": content}, "rows", path)
+    return [(f"{path} record {number}", one) for number, one in enumerate(rows, start=1)]
 
 
 def _is_cloud(name: str) -> bool:

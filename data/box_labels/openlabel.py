@@ -16,6 +16,8 @@ from data.box_labels.boxes import (
     LabelForm,
     LabelledBox,
     LabelledFrame,
+    Record,
+    as_record,
     entry,
     has,
     numbers_of,
@@ -29,18 +31,23 @@ _LENGTHS = (9, 10)
 
 
 def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
-    content = entry(document, "openlabel", str(path))
-    named = content.get("objects", {})
+    content = _part(document, "openlabel", path)
+    named = _part(content, "objects", path)
     frames: dict[str, list[LabelledBox]] = {}
-    for number, frame in content.get("frames", {}).items():
-        name = _cloud_of(frame) or number
-        boxes = frames.setdefault(name, [])
-        for track, one in (frame.get("objects") or {}).items():
+    for number, value in _part(content, "frames", path).items():
+        frame = as_record(value, f"{path} frame {number}")
+        boxes = frames.setdefault(_cloud_of(frame) or number, [])
+        for track, one in _part(frame, "objects", f"{path} frame {number}").items():
             where = f"{path} frame {number} object {track}"
             kind = entry(entry(named, track, where), "type", where)
-            for cuboid in one.get("object_data", {}).get("cuboid", ()):
+            for cuboid in _part(as_record(one, where), "object_data", where).get("cuboid") or ():
                 boxes.append(LabelledBox(where, str(kind), track, _numbers(cuboid, where)))
     return frames
+
+
+def _part(record: Record, name: str, where: str | Path) -> Record:
+    """Return the record of a name in another, empty without one."""
+    return as_record(record.get(name) or {}, f"{where} {name}")
 
 
 def _numbers(cuboid: Any, where: str) -> tuple[float, ...]:  # noqa: ANN401 - of a document

@@ -11,6 +11,7 @@ from data.box_labels.boxes import (
     LabelForm,
     LabelledBox,
     LabelledFrame,
+    as_record,
     entry,
     has,
     named,
@@ -26,7 +27,7 @@ _FIELDS = {"position": ("x", "y", "z"), "dimensions": ("x", "y", "z"), "rotation
 
 def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
     beside = path.with_name(_CLOUDS)
-    clouds = read_content(beside) if beside.is_file() else {}
+    clouds = as_record(read_content(beside), beside) if beside.is_file() else {}
     kinds = {
         entry(one, "key", str(path)): str(entry(one, "classTitle", str(path)))
         for one in records(document, "objects", path)
