@@ -72,8 +72,7 @@ class LabelledDrives:
                 drive.root,
                 expected="labelled boxes or exact point truth to measure against",
                 found="neither in this drive",
-                advice="name the same drive in the tracking or object layout, or one that "
-                "`trifuse synth` wrote",
+                advice="name `labels` in the drive.yaml of a folder, or take the tracking or object layout",
             )
         (selected,) = self.select([drive])
         if drive.is_sequence and len(selected) < len(drive):

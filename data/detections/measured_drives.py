@@ -214,7 +214,7 @@ class DriveReader(LabelledDrives):
                     drive.root,
                     expected="labelled boxes to measure against",
                     found="none in this drive",
-                    advice="name the same drive in the tracking or object layout",
+                    advice="name `labels` in the drive.yaml of a folder, or take the tracking or object layout",
                 )
             yield " ".join(filter(None, (str(path), name))), drive
 

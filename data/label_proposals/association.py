@@ -35,6 +35,9 @@ _END_S, _END = 1.0, 5
 _DUPLICATE_IOU, _DUPLICATE_M = np.array([0.05, 0.3, 0.3, 0.3]), 0.4
 _STATIC_M_S, _STATIC_M = 0.25, 0.6
 _DRIFT_M_S, _DRIFT_S = 0.4, 1.0  # of poses, which let a parked vehicle drift for longer than a time
+# Time, way, and its ratio to the scatter about it, from which a vehicle drives: another view of a parked one jumps.
+_WAY_S, _WAY_M, _WAY_RATIO = 1.0, 2.0, 8.0
+_SURE = 0.5  # score of observations that tell it
 _SAME_PLACE_IOU, _SAME_PLACE_M, _MAX_DRIFT_M = 0.2, 0.7, 3.0
 _MOVES = 1.0  # least cost of a pair that moves
 _VEHICLES = GROUPS["Car"]
@@ -59,18 +62,37 @@ def deviations_m(observations: Observations) -> Float64:
     return np.asarray(_BEST_M + unsure_m + _PER_M * np.linalg.norm(away, axis=1))
 
 
-def is_static(stamps_s: Float64, places_m: Float64, group: int) -> bool:
-    """Return whether an object stays where it is, by (K, 2) places at (K,) times.
+def is_static(seen: Observations, places_m: Float64) -> bool:
+    """Return whether an object stays where it is, by the (K, 2) places of its observations.
 
-    A vehicle may drift for long: its place is as good as the poses are.
+    A vehicle may drift for long, but drives nowhere: its place is as good as the poses are.
     """
+    stamps_s, group = seen.stamps_s, seen.groups[0]
     third = max(len(stamps_s) // 3, 1)
     first_m, last_m = (np.median(places_m[part], axis=0) for part in (slice(third), slice(-third, None)))  # fmt: skip
     span_s = np.median(stamps_s[-third:]) - np.median(stamps_s[:third])
     way_m = np.linalg.norm(last_m - first_m)
     if group == _VEHICLES and span_s > _DRIFT_S and way_m < _DRIFT_M_S * span_s:
-        return True
+        is_sure = seen.scores > _SURE
+        return not _drives(stamps_s[is_sure], places_m[is_sure])
     return bool(way_m < _STATIC_M and way_m <= max(_STATIC_M_S * span_s, 0.35))
+
+
+def _drives(stamps_s: Float64, places_m: Float64) -> bool:
+    """Return whether (K, 2) places at (K,) times advance along a line for a while."""
+    starts = np.arange(len(stamps_s))
+    stops = np.maximum(np.searchsorted(stamps_s, stamps_s + _WAY_S) + 1, starts + _END)
+    for start, stop in zip(starts.tolist(), stops[stops <= len(stamps_s)].tolist(), strict=False):
+        times_s, places = stamps_s[start:stop], places_m[start:stop]
+        way_m = places[-1] - places[0]
+        if np.linalg.norm(way_m) > _WAY_M:
+            middle_m, velocity_m_s = _line(times_s, places, times_s[0])
+            line_m = middle_m + (times_s - times_s[0])[:, None] * velocity_m_s
+            scatter_m = np.sqrt(((places - line_m) ** 2).sum(axis=1).mean())
+            length_m = np.linalg.norm(velocity_m_s) * (times_s[-1] - times_s[0])
+            if length_m > max(_WAY_M, _WAY_RATIO * scatter_m):
+                return True
+    return False
 
 
 def _frames_of(observations: Observations) -> Iterator[Int]:
@@ -254,7 +276,7 @@ class _Parts(ArrayTable):
             start_m, start_m_s = _line(stamps_s[:start], places[:start], stamps_s[0])
             stop_m, stop_m_s = _line(stamps_s[max(stop, 0) :], places[max(stop, 0) :], stamps_s[-1])
             middle_m, best = np.median(places, axis=0), rows[observations.scores[rows].argmax()]
-            rests = is_static(stamps_s, places, group)
+            rests = is_static(observations[rows], places)
             ends = (start_m, stop_m, start_m_s, stop_m_s)
             values = (group, stamps_s[0], stamps_s[-1], rests, *ends, middle_m, best)
             for column, value in zip(columns, values, strict=True):

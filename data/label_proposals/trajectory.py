@@ -48,7 +48,7 @@ def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> Object
     weights = seen.scores * np.sqrt(seen.points + 1.0)
     size_m = np.array([_weighted_median(column, weights) for column in seen.boxes_world.size_m.T])
     places = _anchored(seen, size_m)
-    rests, group = is_static(seen.stamps_s, places, seen.groups[0]), seen.groups[0]
+    rests, group = is_static(seen, places), seen.groups[0]
     stays = rests & (group != GROUPS["Pedestrian"])
     lies_within = (frames >= seen.frames[0]) & (frames <= seen.frames[-1])
     states = _smoothed(

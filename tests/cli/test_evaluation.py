@@ -238,7 +238,7 @@ def test_the_command_prints_a_table_and_writes_the_same_as_json(
 
 def test_a_drive_without_labels_is_an_error(kitti_root: Path):
     drive = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
-    with fault(DriveError, advice="name the same drive in the tracking or object layout"):
+    with fault(DriveError, advice="name `labels` in the drive.yaml of a folder"):
         command("evaluate", "ground", drive)
 
 

@@ -106,6 +106,19 @@ def test_a_vehicle_that_drifts_with_the_poses_is_parked():
     np.testing.assert_allclose(one.boxes_world.yaw_rad, 1.2, atol=0.05)
 
 
+def test_a_car_that_comes_to_a_stop_has_moved_and_one_whose_box_jumps_has_not():
+    def brakes(t):
+        return 10 + 4.3 * min(t, 1) - 2.15 * min(t, 1) ** 2, 3.0
+
+    [one] = proposals_of(observed(brakes))
+    assert one.is_moving
+    rests_m = one.boxes_world.bottom_m[12:, 0]
+    np.testing.assert_allclose(rests_m, 12.15, atol=0.3)
+    assert abs(one.boxes_world.bottom_m[3, 0] - brakes(0.3)[0]) < 0.3
+    [parked] = proposals_of(observed(lambda t: (13.0 - 2.5 * (t < 0.35), 3.0)))
+    assert not parked.is_moving
+
+
 def test_an_object_has_its_commonest_class():
     cars = observed(lambda _: (5.0, 5.0), range(20))
     vans = observed(lambda _: (5.0, 5.0), range(20, 30), kind="Van")
