@@ -76,7 +76,7 @@ def test_degrees_are_named_in_forms_of_several_axes(drive_folder):
         open_drive(root).labels_around(0)
 
 
-def test_a_fault_is_looked_for_once(drive_folder, monkeypatch):
+def test_a_fault_is_read_once(drive_folder, monkeypatch):
     root, reads = drive_folder(), []
     writers.sustechpoints(root, 2)
     rewrite(root, "000001.json", lambda doc: doc[0].update(obj_type=None))
