@@ -56,6 +56,27 @@ def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> A
     return _association(tracks[kept], detections[kept], costs.shape)
 
 
+def assign_sure_first(
+    costs: Float64, is_allowed: Bool, max_cost: float, is_sure: Bool
+) -> Association:
+    """Match as `assign_with_max_cost`: the detections that surely exist with all tracks, others with those that are left.
+
+    Args:
+        costs: (T, D) cost of each pair.
+        is_allowed: (T, D) whether a pair passed the gate.
+        max_cost: Cost of a pair at and above which both stay unmatched.
+        is_sure: (D,) whether a detection surely exists.
+    """
+    track_of, free = np.full(costs.shape[1], -1), np.arange(costs.shape[0])
+    for chosen in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
+        both = np.ix_(free, chosen)
+        pairs = assign_with_max_cost(costs[both], is_allowed[both], max_cost)
+        track_of[chosen[pairs.detections]] = free[pairs.tracks]
+        free = free[pairs.unmatched_tracks]
+    detections = np.flatnonzero(track_of >= 0)
+    return _association(track_of[detections], detections, costs.shape)
+
+
 def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
     """Match each track, in order, with the nearest detection in its gate that is not matched yet.
 

@@ -8,6 +8,7 @@ from perception.tracking.association import (
     Association,
     assign_greedily,
     assign_hungarian,
+    assign_sure_first,
     assign_with_max_cost,
 )
 
@@ -118,3 +119,12 @@ def test_pairs_above_the_maximum_cost_stay_unmatched():
     found = assign_with_max_cost(np.array([[1.0, 9.0], [9.0, 9.0]]), np.ones((2, 2), bool), 5.0)
     assert pairs(found) == {0: 0}
     assert found.unmatched_tracks.tolist() == found.unmatched_detections.tolist() == [1]
+
+
+def test_what_surely_exists_chooses_before_the_others():
+    costs, is_allowed = np.array([[2.0, 1.0], [9.0, 3.0]]), np.ones((2, 2), bool)
+    # The others would take the nearer track, which is left to what is sure.
+    assert pairs(assign_sure_first(costs, is_allowed, 5.0, np.array([True, False]))) == {0: 0, 1: 1}
+    assert pairs(assign_sure_first(costs, is_allowed, 5.0, np.array([False, True]))) == {0: 1}
+    found = assign_sure_first(costs, is_allowed, 5.0, np.array([False, True]))
+    assert (found.unmatched_tracks.tolist(), found.unmatched_detections.tolist()) == ([1], [0])

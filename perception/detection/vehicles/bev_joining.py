@@ -17,7 +17,7 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
-from perception.tracking.association import assign_with_max_cost
+from perception.tracking.association import assign_sure_first
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.duplicates import find_leaders
 from perception.tracking.vehicles.evidence import log_odds, probability
@@ -30,7 +30,7 @@ from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
 _MIN_IOU_PX = 0.3  # minimum IoU of a detection and the outline of a 3D box in its image
 _MIN_IOU = 0.2  # minimum IoU on the ground, with which that in the image does not matter
-_MAX_COST = 3.0
+_MAX_COST = 3.0  # of a pair that does not overlap, neither of which exists
 _MAX_DEVIATIONS = 3.0  # of the distances along the ray of one object
 _RAY_NOISE_M, _RAY_NOISE_SHARE = 0.7, 0.04  # deviation of these, and its growth with distance
 _ASSUMED_DEPTH_SHARE = 0.3  # deviation of a distance by the height in the image alone
@@ -96,15 +96,11 @@ def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> tuple[Int, 
     is_same = (overlap >= _MIN_IOU) | ((overlap_px >= _MIN_IOU_PX) & (is_as_far > 0))
     is_same &= is_alike & _are_leading(vehicles)[:, None]
     existence = vehicles.fused.existence
-    costs = 3.0 - np.maximum(overlap_px, overlap) - existence[:, None] - found.fused.existence
-    of_vehicle = np.full(len(vehicles), -1)
-    for rows in (np.flatnonzero(existence >= _SURE), np.flatnonzero(existence < _SURE)):
-        free = np.setdiff1d(np.arange(len(found)), of_vehicle)
-        both = np.ix_(rows, free)
-        pairs = assign_with_max_cost(costs[both], is_same[both], _MAX_COST)
-        of_vehicle[rows[pairs.tracks]] = free[pairs.detections]
-    rows = np.flatnonzero(of_vehicle >= 0)
-    return rows, of_vehicle[rows]
+    costs = _MAX_COST - np.maximum(overlap_px, overlap) - existence[:, None]
+    costs -= found.fused.existence
+    of_found, may_be = np.ascontiguousarray(costs.T), np.ascontiguousarray(is_same.T)
+    pairs = assign_sure_first(of_found, may_be, _MAX_COST, existence >= _SURE)
+    return pairs.detections, pairs.tracks
 
 
 def _are_leading(vehicles: Vehicles) -> Bool:

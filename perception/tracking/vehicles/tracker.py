@@ -15,7 +15,7 @@ from perception.geometry.box_overlap_px import paired_iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
-from perception.tracking.association import assign_with_max_cost
+from perception.tracking.association import assign_sure_first
 from perception.tracking.track_table import MAX_PAUSE_S, ROUNDING_S
 from perception.tracking.track_update import SensorPose
 from perception.tracking.tracker import covariances_velo
@@ -203,14 +203,12 @@ class VehicleTracker:
         costs = self._costs(
             observations, *(np.moveaxis(one[numbers], 0, 1) for one in (expected_px, deviations_px))
         )
-        sure, free = existence >= _HIGH_EXISTENCE, np.arange(len(self._tracks))
-        for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
-            left = costs[np.ix_(free, chosen)]
-            pairs = assign_with_max_cost(left, np.isfinite(left), _MAX_COST)
-            track_of[chosen[pairs.detections]] = free[pairs.tracks]
-            free = free[pairs.unmatched_tracks]
+        pairs = assign_sure_first(
+            costs, np.isfinite(costs), _MAX_COST, existence >= _HIGH_EXISTENCE
+        )
+        track_of[pairs.detections] = pairs.tracks
         missed = np.zeros(len(self._tracks))
-        missed[free] = added(MISS, self._elapsed_s)
+        missed[pairs.unmatched_tracks] = added(MISS, self._elapsed_s)
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence + missed)
         is_new = (track_of < 0) & (existence >= self._config.new_track_existence)
         seen, new = np.flatnonzero(track_of >= 0), np.flatnonzero(is_new)
