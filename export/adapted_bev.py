@@ -13,6 +13,7 @@ from data.samples.bev.labelled_scans import LabelledScans
 from data.synthetic.collection import SynthConfig
 from export.adapted_network import AdaptedNetwork, Costs, MeasuredClass
 from export.bev import QUANTIZATION, exportable_network, measure_networks
+from export.bev_graph import streamlined
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from export.variants import Network, fastest_ms
@@ -82,7 +83,7 @@ class AdaptedBev(AdaptedNetwork[BevDataset]):
     def content(self, exportable: Exportable, examples: BevDataset) -> bytes:
         """Return the model file of 8 bits."""
         maps = [{"maps": examples[row]["maps"].numpy()[None]} for row in range(len(examples))]
-        return to_int8(to_onnx(exportable), maps, QUANTIZATION)
+        return streamlined(to_int8(to_onnx(exportable), maps, QUANTIZATION))
 
     def samples(
         self, drives: Sequence[RecordedDrive], count: int, proposals: Mapping[str, ProposedLabels]

@@ -11,6 +11,7 @@ import torch
 from data.array_store import ArrayStore
 from data.samples.bev.dataset import BevConfig, BevDataset
 from data.samples.bev.labelled_scans import LabelledScans
+from export.bev_graph import streamlined
 from export.detector import FP32, INT8, choose
 from export.detector import QUANTIZATION as OF_IMAGES
 from export.onnx import Exportable, to_onnx
@@ -78,7 +79,7 @@ def export_bev(config: ExportConfig) -> ExportResult:
     }
     return ExportResult(
         metadata=dict(exportable.metadata),
-        models=models,
+        models={name: streamlined(model) for name, model in models.items()},
         variants=variants,
         tolerances=TOLERANCES,
         choice=choose(variants, INT8 if config.int8 else None),

@@ -155,8 +155,10 @@ def _highest_around(scores: Float32, i: int, j: int, split: int) -> float:
     return float(highest)
 
 
-@compiled((array_of(_F32, 4), array_of(_F32, 4), _F32, _F32))
-def peaks_of(scores: Float32, stated: Float32, min_score: float, max_width: float) -> Int:
+@compiled((array_of(_F32, 4), array_of(_F32, 3), array_of(WHOLE), _F32, _F32))
+def peaks_of(
+    scores: Float32, stated: Float32, of_blocks: Int, min_score: float, max_width: float
+) -> Int:
     """Return (P, 3) class, row and column of the places of the scores from a minimum on that are peaks.
 
     A peak is the highest of its 3x3 places, or states that something narrow has its centre in that very place, as each of
@@ -164,7 +166,8 @@ def peaks_of(scores: Float32, stated: Float32, min_score: float, max_width: floa
 
     Args:
         scores: (K, S * S, H, W) scores; place (i, j) of a class is number S (i mod S) + j mod S of block (i / S, j / S).
-        stated: (16, S * S, H, W) box at each place: row and column in the place first, logarithm of the width fifth.
+        stated: (16, S * S, P) box at each place of some blocks: row and column in the place first, logarithm of the width fifth.
+        of_blocks: (H * W,) which of these a block is, -1 for none; it has no peaks then.
         min_score: Lowest score of a peak.
         max_width: Logarithm of the width that something narrow has at most.
     """
@@ -179,9 +182,12 @@ def peaks_of(scores: Float32, stated: Float32, min_score: float, max_width: floa
                     score = scores[k, part, row, column]
                     if score < min_score:
                         continue
+                    block = of_blocks[row * columns + column]
+                    if block < 0:
+                        continue
                     i, j = split * row + part // split, split * column + part % split
-                    u, v = stated[0, part, row, column], stated[1, part, row, column]
-                    is_narrow = stated[4, part, row, column] < max_width
+                    u, v = stated[0, part, block], stated[1, part, block]
+                    is_narrow = stated[4, part, block] < max_width
                     is_center = is_narrow and 0 <= u < 1 and 0 <= v < 1
                     if is_center or score >= _highest_around(scores[k], i, j, split):
                         peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j

@@ -9,11 +9,15 @@ import torch
 
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
-from export.bev import exportable_bev, random_maps
+from export.bev import QUANTIZATION, exportable_bev, random_maps
+from export.bev_graph import streamlined
 from export.onnx import to_onnx
+from export.quantize import to_int8
 from perception.cli.main import main
 from perception.detection.bev.bev_map import CHANNELS, BevGrid
+from perception.detection.bev.boxes import MIN_LOGIT
 from perception.detection.bev.detector import BevDetector
+from perception.detection.onnx_model import OnnxModel
 from perception.errors import ModelError, UsageError
 from perception.sensor import VLP_16
 from tests.faults import command, fault
@@ -82,6 +86,32 @@ def test_a_file_finds_boxes_that_stand_on_the_ground(checkpoint, drive, tmp_path
     assert np.array_equal(found.scores, above.scores)
     lowered = above.boxes.bottom_m[:, 2] - found.boxes.bottom_m[:, 2]
     assert np.median(lowered) == pytest.approx(VLP_16.height_m, abs=0.3)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+@pytest.mark.parametrize("kind", ["fp32", "int8"])
+def test_boxes_where_a_score_counts_are_those_of_the_whole_map(checkpoint, tmp_path, kind, rows):
+    maps = random_maps((rows, 32, 32, 16, CHANNELS), np.random.default_rng(3))
+    model = to_onnx(exportable_bev(checkpoint))
+    model = model if kind == "fp32" else to_int8(model, [maps], QUANTIZATION)
+    files = tmp_path / "whole.onnx", tmp_path / "part.onnx"
+    for file, content in zip(files, (model, streamlined(model)), strict=True):
+        file.write_bytes(content)
+    whole, part = (OnnxModel(file, threads=1)(maps) for file in files)
+    assert np.array_equal(part["scores"], whole["scores"])
+    blocks, counts = part["blocks"], (whole["scores"] >= MIN_LOGIT).any(axis=1).ravel()
+    assert blocks[0] == 0
+    assert np.array_equal(blocks[1:], np.flatnonzero(counts))
+    boxes = np.moveaxis(whole["boxes"], 1, 0).reshape(64, -1)[:, blocks]
+    assert part["boxes"][0, :, 0] == pytest.approx(boxes, abs=1e-4)
+    if rows == 1:
+        found, expected = (
+            BevDetector(file, VLP_16, threads=1).postprocess(outputs)
+            for file, outputs in zip(files, (part, whole), strict=True)
+        )
+        assert len(found) > 10
+        assert np.array_equal(found.scores, expected.scores)
+        assert found.boxes.bottom_m == pytest.approx(expected.boxes.bottom_m, abs=1e-4)
 
 
 def test_what_a_map_has_not_is_refused(checkpoint, tmp_path):

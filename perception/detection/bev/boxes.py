@@ -39,6 +39,8 @@ BOX = _Columns()
 BOXES, DEVIATIONS = 10, 6
 STRIDE = 2  # cells along the side of a place
 SPLIT = BLOCK // STRIDE  # places along the side of a block, S
+MIN_SCORE = 0.07  # below which nothing is reported
+MIN_LOGIT = math.log(MIN_SCORE / (1 - MIN_SCORE))
 _MAX_LOG = 6.0
 _NARROW_PLACES = 2.0  # width below which two objects may have their centres in neighbouring places
 _APART_M = 0.4  # minimum distance between the centres of two objects of one group
@@ -66,29 +68,41 @@ class BevDetections(ArrayTable):
 
 
 def decode_boxes(
-    scores: Float32, boxes: Float32, grid: BevGrid, min_score: float = 0.07, most: int = 1000
+    scores: Float32,
+    boxes: Float32,
+    grid: BevGrid,
+    min_score: float = MIN_SCORE,
+    most: int = 1000,
+    blocks: Int | None = None,
 ) -> BevDetections:
     """Return the objects of one map.
 
     Args:
         scores: (K S S, H, W) logits of the scores of each class, of which peaks are objects.
-        boxes: (16 S S, H, W) box and scales of its errors at each place.
+        boxes: (16 S S, H, W) box and scales of its errors at each place, or (16 S S, 1, P) of P blocks.
         grid: Cells of the map.
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
+        blocks: (P,) numbers of the blocks with boxes, of the H W; None for all.
     """
-    blocks = scores.shape[1:]
-    place_m = 2 * grid.reach_m / (SPLIT * blocks[0])
-    logits = np.ascontiguousarray(scores).reshape(-1, SPLIT**2, *blocks)
-    stated = np.ascontiguousarray(boxes).reshape(BOXES + DEVIATIONS, SPLIT**2, *blocks)
+    rows, columns = scores.shape[1:]
+    place_m = 2 * grid.reach_m / (SPLIT * rows)
+    logits = np.ascontiguousarray(scores).reshape(-1, SPLIT**2, rows, columns)
+    stated = np.ascontiguousarray(boxes).reshape(BOXES + DEVIATIONS, SPLIT**2, -1)
+    of_blocks = np.arange(rows * columns)
+    if blocks is not None:
+        of_blocks = np.full(rows * columns, -1)
+        of_blocks[blocks] = np.arange(len(blocks))
     narrow = math.log(_NARROW_PLACES * place_m)
-    peaks = peaks_of(logits, stated, math.log(min_score / (1 - min_score)), narrow)
+    min_logit = math.log(min_score / (1 - min_score))
+    peaks = peaks_of(logits, stated, of_blocks, min_logit, narrow)
     part = SPLIT * (peaks[:, 1] % SPLIT) + peaks[:, 2] % SPLIT
-    values = logits[peaks[:, 0], part, peaks[:, 1] // SPLIT, peaks[:, 2] // SPLIT]
+    block = columns * (peaks[:, 1] // SPLIT) + peaks[:, 2] // SPLIT
+    values = logits.reshape(*logits.shape[:2], -1)[peaks[:, 0], part, block]
     best = np.argsort(-values, kind="stable")[:most]
-    classes, rows, columns = peaks[best].T
-    cells = stated[:, part[best], rows // SPLIT, columns // SPLIT].astype(np.float64)
-    corners_m = np.stack([rows, columns], axis=1) * place_m - grid.reach_m
+    classes, places = peaks[best, 0], peaks[best, 1:]
+    cells = stated[:, part[best], of_blocks[block[best]]].astype(np.float64)
+    corners_m = places * place_m - grid.reach_m
     axis_rad = np.arctan2(*cells[BOX.axis]) / 2
     sizes, scales = (
         np.exp(np.clip(logs, -_MAX_LOG, _MAX_LOG)) for logs in (cells[BOX.size], cells[BOXES:])

@@ -90,7 +90,8 @@ class BevDetector:
 
     def postprocess(self, outputs: Mapping[str, Array]) -> BevDetections:
         """Return the objects of one scan by the outputs of the network, their bottoms above the ground."""
-        found = decode_boxes(outputs["scores"][0], outputs["boxes"][0], self._mapper.grid)
+        scores, boxes, blocks = outputs["scores"][0], outputs["boxes"][0], outputs.get("blocks")
+        found = decode_boxes(scores, boxes, self._mapper.grid, blocks=blocks)
         return suppress(found, [GROUPS[name] for name in self.class_names])
 
 
