@@ -157,41 +157,38 @@ def _highest_around(scores: Float32, i: int, j: int, split: int) -> float:
 
 @compiled((array_of(_F32, 4), array_of(_F32, 3), array_of(WHOLE), _F32, _F32))
 def peaks_of(
-    scores: Float32, stated: Float32, of_blocks: Int, min_score: float, max_width: float
+    scores: Float32, stated: Float32, blocks: Int, min_score: float, max_width: float
 ) -> Int:
-    """Return (P, 3) class, row and column of the places of the scores from a minimum on that are peaks.
+    """Return (M, 3) class, part and row of the block of the places of the scores from a minimum on that are peaks.
 
     A peak is the highest of its 3x3 places, or states that something narrow has its centre in that very place, as each of
     two people side by side has.
 
     Args:
-        scores: (K, S * S, H, W) scores; place (i, j) of a class is number S (i mod S) + j mod S of block (i / S, j / S).
+        scores: (K, S * S, H, W) scores; place (i, j) of a class is part S (i mod S) + j mod S of block (i / S, j / S).
         stated: (16, S * S, P) box at each place of some blocks: row and column in the place first, logarithm of the width fifth.
-        of_blocks: (H * W,) which of these a block is, -1 for none; it has no peaks then.
+        blocks: (P,) numbers of these blocks, of the H * W.
         min_score: Lowest score of a peak.
         max_width: Logarithm of the width that something narrow has at most.
     """
-    classes, parts, rows, columns = scores.shape
+    classes, parts, _, columns = scores.shape
     split = int(np.sqrt(parts))
-    peaks = np.empty((scores.size, 3), np.int64)
+    peaks = np.empty((classes * parts * len(blocks), 3), np.int64)
     found = 0
     for k in range(classes):
         for part in range(parts):
-            for row in range(rows):
-                for column in range(columns):
-                    score = scores[k, part, row, column]
-                    if score < min_score:
-                        continue
-                    block = of_blocks[row * columns + column]
-                    if block < 0:
-                        continue
-                    i, j = split * row + part // split, split * column + part % split
-                    u, v = stated[0, part, block], stated[1, part, block]
-                    is_narrow = stated[4, part, block] < max_width
-                    is_center = is_narrow and 0 <= u < 1 and 0 <= v < 1
-                    if is_center or score >= _highest_around(scores[k], i, j, split):
-                        peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j
-                        found += 1
+            for block in range(len(blocks)):
+                row, column = blocks[block] // columns, blocks[block] % columns
+                score = scores[k, part, row, column]
+                if score < min_score:
+                    continue
+                i, j = split * row + part // split, split * column + part % split
+                u, v = stated[0, part, block], stated[1, part, block]
+                is_narrow = stated[4, part, block] < max_width
+                is_center = is_narrow and 0 <= u < 1 and 0 <= v < 1
+                if is_center or score >= _highest_around(scores[k], i, j, split):
+                    peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, part, block
+                    found += 1
     return peaks[:found]
 
 

@@ -89,19 +89,16 @@ def decode_boxes(
     place_m = 2 * grid.reach_m / (SPLIT * rows)
     logits = np.ascontiguousarray(scores).reshape(-1, SPLIT**2, rows, columns)
     stated = np.ascontiguousarray(boxes).reshape(BOXES + DEVIATIONS, SPLIT**2, -1)
-    of_blocks = np.arange(rows * columns)
-    if blocks is not None:
-        of_blocks = np.full(rows * columns, -1)
-        of_blocks[blocks] = np.arange(len(blocks))
+    numbers: Int = np.arange(rows * columns) if blocks is None else blocks
     narrow = math.log(_NARROW_PLACES * place_m)
     min_logit = math.log(min_score / (1 - min_score))
-    peaks = peaks_of(logits, stated, of_blocks, min_logit, narrow)
-    part = SPLIT * (peaks[:, 1] % SPLIT) + peaks[:, 2] % SPLIT
-    block = columns * (peaks[:, 1] // SPLIT) + peaks[:, 2] // SPLIT
-    values = logits.reshape(*logits.shape[:2], -1)[peaks[:, 0], part, block]
+    classes, part, block = peaks_of(logits, stated, numbers, min_logit, narrow).T
+    values = logits.reshape(*logits.shape[:2], -1)[classes, part, numbers[block]]
     best = np.argsort(-values, kind="stable")[:most]
-    classes, places = peaks[best, 0], peaks[best, 1:]
-    cells = stated[:, part[best], of_blocks[block[best]]].astype(np.float64)
+    part, block = part[best], block[best]
+    cells = stated[:, part, block].astype(np.float64)
+    in_map = np.stack(np.divmod(numbers[block], columns), axis=1)
+    places = SPLIT * in_map + np.stack(np.divmod(part, SPLIT), axis=1)
     corners_m = places * place_m - grid.reach_m
     axis_rad = np.arctan2(*cells[BOX.axis]) / 2
     sizes, scales = (
@@ -115,7 +112,7 @@ def decode_boxes(
             sizes.T,
             np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
         ),
-        classes=np.ascontiguousarray(classes),
+        classes=classes[best],
         scores=expit(values[best].astype(np.float64)),
         deviations=_SQRT_2 * scales.T,
         reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,

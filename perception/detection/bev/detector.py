@@ -91,6 +91,8 @@ class BevDetector:
     def postprocess(self, outputs: Mapping[str, Array]) -> BevDetections:
         """Return the objects of one scan by the outputs of the network, their bottoms above the ground."""
         scores, boxes, blocks = outputs["scores"][0], outputs["boxes"][0], outputs.get("blocks")
+        if blocks is not None:
+            boxes, blocks = boxes[:, :, 1:], blocks[1:]  # the first is there in any case
         found = decode_boxes(scores, boxes, self._mapper.grid, blocks=blocks)
         return suppress(found, [GROUPS[name] for name in self.class_names])
 
