@@ -260,7 +260,7 @@ class RecordedDrive(ABC):
             CalibrationError: There is no camera calibration, which labels need.
             LabelError: The labels are missing or cannot be read.
         """
-        found = "labels of points" if self.has_point_truth else "none"
+        found = "labels of points without instances" if self.has_point_truth else "none"
         raise DriveError(
             self.root,
             expected="a drive with labelled boxes",

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from data.derived.instance_boxes import InstanceLabels
 from data.detections.measured_detectors import MeasuredDetector
 from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
@@ -30,9 +31,10 @@ from perception.types import Detections, Drive, Frame
 def drive_kind(drive: Drive) -> str:
     """Return `synthetic` for a drive of `trifuse synth`, else `real`.
 
-    In KITTI's layouts with boxes, only synthetic drives know the class of every point.
+    In KITTI's layouts with boxes beside points, only synthetic drives know the class of every point.
     """
-    if isinstance(drive, KittiDrive) and drive.has_labels and drive.has_point_truth:
+    has_both = drive.has_labels and drive.has_point_truth and not isinstance(drive, InstanceLabels)
+    if isinstance(drive, KittiDrive) and has_both:
         return "synthetic"
     return "real"
 

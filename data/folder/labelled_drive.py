@@ -1,10 +1,11 @@
-"""A folder of scans that a labelling tool has labelled: everything around, or images."""
+"""A folder of scans that a labelling tool has labelled: everything around, points, or images."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from data.box_labels.box_labels import BoxLabels
 from data.box_labels.image_labels import ImageLabels
+from data.derived.instance_boxes import InstanceLabels
 from data.derived.motion_labels import PosedLabels
 from data.folder.config import FILE_NAME
 from data.folder.drive import FolderDrive
@@ -42,6 +43,11 @@ class LabelledFolderDrive(FolderDrive):
     def _texts(self, index: int) -> tuple[Path | None, ...]:
         # drive.yaml has names of classes.
         return self.box_labels.file(self.frame_names[index]), self.root / FILE_NAME
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelledPointsDrive(InstanceLabels, FolderDrive):
+    """Frames of one folder whose points are labelled with instances."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,16 @@ from data.box_labels.box_labels import BoxLabels
 from data.box_labels.forms import is_in_view, require_form
 from data.box_labels.image_labels import ImageLabels
 from data.box_labels.kitti_rows import with_camera
+from data.derived.instance_boxes import labelled_by_instances
 from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
 from data.folder.drive import FolderDrive, velo_to_body
-from data.folder.labelled_drive import LabelledFolderDrive, LabelledImagesDrive
+from data.folder.labelled_drive import (
+    LabelledFolderDrive,
+    LabelledImagesDrive,
+    LabelledPointsDrive,
+)
 from data.folder.observation import observe_folder, observe_recording, viewpoint_observation
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
@@ -102,7 +107,7 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
         else FrameFiles.within(root / labels, (".label",)).joined(files),
     )
     if form is None or label_file is None:
-        return drive
+        return labelled_by_instances(drive, LabelledPointsDrive)
     parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
     if form.is_of_image:
         if images is None or images.lens is None:

@@ -37,16 +37,21 @@ class ObjectTrajectory:
     is_moving: bool
 
 
-def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> ObjectTrajectory:
+def fit_trajectory(
+    seen: Observations, frames: Int, stamps_s: Float64, size_share: float = 0.5
+) -> ObjectTrajectory:
     """Return the boxes of one object.
 
     Args:
         seen: Its observations, one a frame at most.
         frames: (F,) indices of the frames of the drive.
         stamps_s: (F,) their times.
+        size_share: Share of the observations, by weight, that are no larger than the object.
     """
     weights = seen.scores * np.sqrt(seen.points + 1.0)
-    size_m = np.array([_weighted_median(column, weights) for column in seen.boxes_world.size_m.T])
+    size_m = np.array(
+        [_weighted_quantile(column, weights, size_share) for column in seen.boxes_world.size_m.T]
+    )
     places = _anchored(seen, size_m)
     rests, group = is_static(seen, places), seen.groups[0]
     stays = rests & (group != GROUPS["Pedestrian"])
@@ -59,8 +64,8 @@ def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> Object
     bottoms_z = seen.boxes_world.bottom_m[:, 2]
     z = np.interp(stamps_s[lies_within], seen.stamps_s, _running_median(bottoms_z))
     if rests and np.ptp(states[:, :2], axis=0).max() < _DRIFT_M:
-        states[:, :2] = [_weighted_median(column, weights) for column in places.T]
-        z[:] = _weighted_median(bottoms_z, weights)
+        states[:, :2] = [_weighted_quantile(column, weights) for column in places.T]
+        z[:] = _weighted_quantile(bottoms_z, weights)
     middles = np.column_stack([states[:, :2], z])
     if stays:
         # It was there before, and is afterwards.
@@ -71,10 +76,10 @@ def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> Object
     return ObjectTrajectory(frames, boxes, np.isin(frames, seen.frames), not rests)
 
 
-def _weighted_median(values: Float64, weights: Float64) -> float:
+def _weighted_quantile(values: Float64, weights: Float64, share: float = 0.5) -> float:
     order = np.argsort(values)
     shares = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(shares, shares[-1] / 2)])
+    return float(values[order][np.searchsorted(shares, shares[-1] * share)])
 
 
 def _anchored(seen: Observations, size_m: Float64) -> Float64:

@@ -99,11 +99,12 @@ class CachedFrames(ABC):
         """
 
     def missing(self) -> list[int]:
-        """Return the numbers of the frames of which an array is not cached."""
+        """Return the numbers of the frames of which an array is not cached; of frames that are named often the last."""
+        number_of = {tuple(self.keys(number)): number for number in range(len(self))}
         return [
             number
-            for number in range(len(self))
-            if any(key not in self.store for key in self.keys(number))
+            for keys, number in number_of.items()
+            if any(key not in self.store for key in keys)
         ]
 
     def fill(self, numbers: Sequence[int]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from data.derived.instance_boxes import InstanceLabels, labelled_by_instances
 from data.kitti.calibration import CalibrationText, with_kitti_image_size
 from data.kitti.drive import KittiDrive, find_reflectance_scale
 from data.kitti.image_joining import join_images
@@ -94,6 +95,11 @@ class SemanticKittiSequence(KittiDrive):
         return replace(truth, instances=own)
 
 
+@dataclass(frozen=True, kw_only=True)
+class LabelledSequence(InstanceLabels, SemanticKittiSequence):
+    """Frames of a sequence whose objects are numbered."""
+
+
 def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> SemanticKittiSequence:
     """Open a sequence; its files are read frame by frame.
 
@@ -111,7 +117,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
     camera = CameraFiles.of(calibration, image_files, joined, load=config.images)
     reflectance = find_reflectance_scale(scans, config)
     point_labels = FrameFiles.within(root / "labels", POINT_LABEL_SUFFIXES)
-    return SemanticKittiSequence(
+    sequence = SemanticKittiSequence(
         name=root.resolve().name,
         root=root,
         sensor=sensor,
@@ -128,6 +134,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
             *reflectance.notes,
         ),
     )
+    return labelled_by_instances(sequence, LabelledSequence)
 
 
 def _read_calibration(path: Path) -> Calibration | None:

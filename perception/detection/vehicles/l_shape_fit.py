@@ -15,7 +15,7 @@ import numpy as np
 
 from perception.kernels.rectangles import best_rectangles
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.types import ArrayTable, Float32, Float64
+from perception.types import SHARED, ArrayTable, Float32, Float64
 
 _TRIM_SHARE = 0.02  # share of the points that is left out at either end
 _DIRECTIONS = 18  # number of directions within a quarter turn
@@ -27,7 +27,7 @@ _SIDE_WEIGHT = 12.0  # number of independent observations that all points togeth
 
 
 @dataclass(frozen=True)
-class ImageSpans:
+class ImageSpans(ArrayTable):
     """Columns of F vehicles in the image, and their projection.
 
     Attributes:
@@ -37,9 +37,9 @@ class ImageSpans:
         heights_m: (F,) z at which the vehicles are projected.
     """
 
-    left_right_px: Float64
-    image_P_velo: Float64
-    width_px: int
+    left_right_px: Annotated[Float64, 2]
+    image_P_velo: Annotated[Float64, SHARED]
+    width_px: Annotated[int, SHARED]
     heights_m: Float64
 
 

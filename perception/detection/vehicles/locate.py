@@ -163,33 +163,36 @@ def _fit_boxes(
     observed: _Observed, camera: tuple[Calibration, tuple[int, int]], config: VehicleConfig
 ) -> Boxes3D:
     """Return (F) boxes: what has sides by these, people by their middle, all of a height that the image shows."""
-    outlines = _fit_outlines(observed, camera)
-    mean_m = observed.sizes.height_m[:, 0]
+    (calibration, size_px), mean_m = camera, observed.sizes.height_m[:, 0]
+    middles_m, columns_px = observed.ground_m + mean_m / 2, observed.boxes_px[:, [0, 2]]
+    spans = ImageSpans(columns_px, calibration.image_P_velo, size_px[0], middles_m)
+    outlines = fit_outlines(observed.samples_m, observed.sizes, spans)
     boxes = Boxes3D(
         np.column_stack([outlines.centers_m, observed.ground_m]),
         np.column_stack([outlines.sizes_m, mean_m]),
-        _headings_rad(outlines, config),
+        likely_headings_rad(outlines, config),
     )
-    heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, camera[0])
+    heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, calibration)
     heights_m = np.maximum(heights_m, observed.top_m - observed.ground_m)
     return replace(boxes, size_m=np.column_stack([outlines.sizes_m, heights_m]))
 
 
-def _headings_rad(outlines: Rectangles, config: VehicleConfig) -> Float64:
+def likely_headings_rad(outlines: Rectangles, config: VehicleConfig) -> Float64:
     """Return (F,) headings: ahead, and towards the sensor beyond the own lane on the side of the oncoming traffic."""
     to_oncoming_m = outlines.centers_m[:, 1] * (1 if config.traffic_side == "right" else -1)
     turn_rad = np.where(to_oncoming_m > config.lane_width_m / 2, np.pi, 0.0)
     return np.asarray(wrap(wrap(outlines.yaw_rad, np.pi) + turn_rad))
 
 
-def _fit_outlines(observed: _Observed, camera: tuple[Calibration, tuple[int, int]]) -> Rectangles:
-    """Return (F) outlines from above."""
-    (calibration, size_px), has_sides = camera, observed.sizes.has_sides
-    vehicles, people = observed[has_sides], observed[~has_sides]
-    middles_m = vehicles.ground_m + vehicles.sizes.height_m[:, 0] / 2
-    columns_px = vehicles.boxes_px[:, [0, 2]]
-    spans = ImageSpans(columns_px, calibration.image_P_velo, size_px[0], middles_m)
-    outlines = fit_rectangles(vehicles.samples_m, vehicles.sizes, spans)
-    bodies = fit_bodies(people.samples_m, people.sizes)
-    order = np.concatenate([np.flatnonzero(has_sides), np.flatnonzero(~has_sides)])
-    return outlines.joined(bodies)[np.argsort(order)]
+def fit_outlines(samples_m: Float64, sizes: SizePriors, spans: ImageSpans) -> Rectangles:
+    """Return (F) outlines from above.
+
+    Args:
+        samples_m: (F, P, 2) points of each object around a sensor at the origin.
+        sizes: (F) sizes of their classes.
+        spans: Their columns in the image.
+    """
+    vehicles, people = np.flatnonzero(sizes.has_sides), np.flatnonzero(~sizes.has_sides)
+    outlines = fit_rectangles(samples_m[vehicles], sizes[vehicles], spans[vehicles])
+    bodies = fit_bodies(samples_m[people], sizes[people])
+    return outlines.joined(bodies)[np.argsort(np.concatenate([vehicles, people]))]

@@ -22,13 +22,13 @@ def sequence(tmp_path: Path) -> Path:
 def test_a_sequence(sequence):
     drive = open_drive(sequence)
     assert (drive.name, len(drive), drive.frame_names) == ("08", 2, ("000000", "000001"))
-    assert (drive.has_images, drive.has_labels, drive.has_point_truth) == (True, False, True)
+    assert (drive.has_images, drive.has_labels, drive.has_point_truth) == (True, True, True)
     np.testing.assert_allclose(
         drive.world_SE3_velo(1)[:3, 3] - drive.world_SE3_velo(0)[:3, 3], [0.5, 0, 0], atol=1e-9
     )
     np.testing.assert_array_equal(drive.point_truth(1).classes, EXACT.point_truth(1).classes)
-    with fault(DriveError, "08", "a drive with labelled boxes", "labels of points"):
-        drive.labels(0)
+    [car] = drive.labels(1).boxes_velo.bottom_m  # the rear of which is 10.75 m ahead
+    np.testing.assert_allclose(car, [10.75 + 3.88 / 2, 0, -1.75], atol=0.25)
 
 
 def test_moving_classes_and_objects_of_two_classes(sequence):
