@@ -28,7 +28,7 @@ class AdaptationConfig:
     kept: float = 0.25
     gap_s: float = 2.0
     scans: int = 60
-    samples: int = 3000
+    samples: int = 1000
     lr: float = 0.0005
     max_lost: float = 1.0
     seed: int = 0

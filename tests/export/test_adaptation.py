@@ -64,6 +64,7 @@ FLAGS = "--learn proposals --scans 1 --samples 20 --kept 0.25 --gap-s 0.15"
 @pytest.fixture
 def words(drive, weights, tmp_path, monkeypatch):
     monkeypatch.setattr(adapted_bev, "_SENSORS", ("VLP-16",))
+    monkeypatch.setattr(adaptation, "_GUARD_SCANS", 1)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return f"adapt {drive} --out {tmp_path}/out --weights {weights} {FLAGS}".split()
 
@@ -104,6 +105,7 @@ def test_a_drive_is_learned_and_measured_on_its_end(drive, words, tmp_path, caps
 def test_a_camera_learns_proposals_in_its_image(drive, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(adaptation, "_SHARES", (1.0,))
+    monkeypatch.setattr(adaptation, "_GUARD_SCANS", 1)
     out, opened, weights = tmp_path / "out", open_drive(drive), tmp_path / "small.onnx"
     size = {"modality": "rgb", "network": "yolox-nano", "size": InputSize(64, 192)}
     config = DetectorNetworkConfig(class_names=("Car",), **size)
