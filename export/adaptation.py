@@ -41,7 +41,9 @@ from train.cli import fit
 from train.folder import TrainingFolder
 
 _SEEDS = {"learned": 73_000_000, "guard": 74_000_000}  # of streets that no shipped network has seen
-_GUARD_SCANS = 20  # of each sensor: a gain there has a deviation of half a point, of 4 of each it has 1.4
+_GUARD_SCANS = (
+    20  # of each sensor: a gain there has a deviation of half a point, of 4 of each it has 1.4
+)
 _SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # of the way from the first weights to the trained ones
 _CALIBRATION = 32  # scans
 _MEASURED_SCANS = 120  # of a set, evenly spread
@@ -149,13 +151,13 @@ class Adaptation:
         guards = {SYNTHETIC: network.samples(guard, _MEASURED_SCANS, {})} | {
             name: network.samples([one], _MEASURED_SCANS, {}) for name, one in self._guards.items()
         }
-        # Drives are named as often as half of the samples are of them.
+        # Drives are named as often as half of the samples are of them, of those that scale 8 bits, too.
         frames = sum(len(one.frames["train"]) for one in self._parts)
         repeats = max(round(sum(map(len, learned)) / frames), 1)
         split = FrameSplit((*repeats * self._parts, *(_all_of(drive) for drive in learned)))
         write_split(self._out / SPLIT, split)
         line = WeightLine(network, self._train(split, bars("scans")))
-        drives = [*split.select(self._drives, "train"), *learned]
+        drives = [*repeats * split.select(self._drives, "train"), *learned]
         examples = network.samples(drives, _CALIBRATION, self._proposals)
         sets = self._kept(split) | guards
         before = self._measure({"before": network.runner}, sets, bars("measuring"))["before"]

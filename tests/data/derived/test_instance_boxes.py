@@ -102,7 +102,9 @@ def test_objects_without_numbers_are_no_labels(sequence, capsys):
         path.write_bytes((np.fromfile(path, np.uint32) & 0xFFFF).tobytes())
     drive = open_drive(sequence)
     assert (drive.has_labels, drive.has_point_truth) == (False, True)
-    with fault(DriveError, "08", "a drive with labelled boxes", "labels of points without instances"):
+    with fault(
+        DriveError, "08", "a drive with labelled boxes", "labels of points without instances"
+    ):
         drive.labels(0)
     assert main(["evaluate", "detection", str(sequence), "--protocol", "nuscenes"]) == 2
     assert main(["evaluate", "vehicles", str(sequence)]) == 2
