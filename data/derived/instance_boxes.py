@@ -22,8 +22,9 @@ from data.labels_in_view import labels_of_camera
 from data.reflectance import sample_indices
 from perception.detection.bev.bev_map import BevGrid, BevMapper
 from perception.detection.bev.classes import GROUPS
+from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles
-from perception.detection.vehicles.locate import VehicleConfig, fit_outlines, likely_headings_rad
+from perception.detection.vehicles.locate import fit_outlines, likely_headings_rad
 from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
@@ -42,7 +43,7 @@ _CAMERA = np.array(
     [[_MIDDLE_PX, -_FOCAL_PX, 0.0, 0.0], [0.0, 0.0, -_FOCAL_PX, 0.0], [1.0, 0.0, 0.0, 0.0]]
 )
 Unlabelled = TypeVar("Unlabelled", bound=FileDrive)
-Labelled = TypeVar("Labelled", bound=FileDrive)
+Labelled = TypeVar("Labelled", bound="InstanceLabels")
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,9 @@ class InstanceBoxes:
         """Return the (R,) keys of the instances of a frame, and the box of each by this scan."""
         drive, points_velo = self.drive, self.drive.points_velo(index)
         truth = drive.point_truth(index)
-        of_point = np.zeros(0, np.int64) if truth is None else _keys(truth)
-        keys, owners, counts = np.unique(of_point, return_inverse=True, return_counts=True)
+        of_point: Int = np.zeros(0, np.int64) if truth is None else _keys(truth)
+        found, owners, counts = np.unique(of_point, return_inverse=True, return_counts=True)
+        keys = found.astype(np.int64)
         order, starts = np.argsort(owners, kind="stable"), np.cumsum(counts) - counts
         rows = np.flatnonzero((keys > 0) & (counts >= _MIN_POINTS))
         if not len(rows):

@@ -33,10 +33,9 @@ def drive_kind(drive: Drive) -> str:
 
     In KITTI's layouts with boxes beside points, only synthetic drives know the class of every point.
     """
-    has_both = drive.has_labels and drive.has_point_truth and not isinstance(drive, InstanceLabels)
-    if isinstance(drive, KittiDrive) and has_both:
-        return "synthetic"
-    return "real"
+    if not isinstance(drive, KittiDrive) or isinstance(drive, InstanceLabels):
+        return "real"
+    return "synthetic" if drive.has_labels and drive.has_point_truth else "real"
 
 
 @dataclass(frozen=True)
