@@ -147,7 +147,7 @@ def _seen_in(
     of_label = SizePriors.of(labels.types).has_sides
     away_m = center_distances_m(found.boxes, labels.boxes_velo)
     away_m[is_vehicle[:, None] != of_label] = np.inf
-    is_unseen = ~are_covered(found.boxes, vehicles)
+    is_unseen = ~are_covered(found, vehicles)
     is_unseen[rows] = False
     scores, ratios = np.full((2, count), np.nan)
     fits, ious = np.zeros(count, bool), np.zeros((count, 2))

@@ -68,7 +68,7 @@ class SceneLocator:
         vehicles = locate(fused, frame, self._ground(frame), self.config.vehicles)
         if self.bev is not None:
             found = bev_vehicles(self.bev.detect(frame.points_velo), self.bev.class_names, frame)
-            searched = [0] if "rgb" in scene.modality_detections else []
+            searched = {0: 1.0} if "rgb" in scene.modality_detections else {}
             joined = join_bev(vehicles, found, frame, searched)
             vehicles = joined.select(np.flatnonzero(joined.cameras == 0))
         located = LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera_of(frame)[0])

@@ -11,6 +11,7 @@ from dataclasses import replace
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
 from perception.detection.fusion.nms_fusion import NmsFusion
+from perception.detection.fusion.source_record import SourceRecord
 from perception.detection.networks import (
     chosen_detection,
     open_bev,
@@ -49,6 +50,7 @@ from perception.types import (
     Detections,
     DetectorModality,
     Frame,
+    FusedDetections,
     Modality,
     ModalityDetections,
     Result,
@@ -62,7 +64,7 @@ class CameraStages(Restorable):
     """Runs the camera stages; the vehicle tracker and the monitors remember earlier frames."""
 
     memories = (
-        *("_tracker", "_budget", "_noted"),
+        *("_tracker", "_sources", "_budget", "_noted"),
         *("_camera_monitors", "_stage_times", "_miscalibration"),
     )
 
@@ -92,6 +94,7 @@ class CameraStages(Restorable):
     def reset(self) -> None:
         """Forget the drive so far."""
         self._tracker = VehicleTracker(self._vehicles.tracker)
+        self._sources = SourceRecord()
         self._camera_monitors = AllCameraMonitors()
         self._stage_times = StageTimeMonitor(self._budget_s)
         self._miscalibration = MiscalibrationMonitor(self._sensor)
@@ -241,6 +244,13 @@ class CameraStages(Restorable):
         with clock.stage("DepthCN"):
             return self._depthcn.verify_frame(frame, maps if is_same else None).detections
 
+    def _fused(self, output: MultimodalOutput, camera: int) -> FusedDetections:
+        """Return the fused detections of the modalities that are not blind."""
+        lost = [n for n in self._sources.blind(camera) if n in output.scene.modality_detections]
+        if self._detectors is None or not lost:
+            return output.fused
+        return self._detectors.fusion.fuse(output.scene.without(*lost))
+
     def _locate_and_track(
         self,
         frame: Frame,
@@ -261,7 +271,7 @@ class CameraStages(Restorable):
                 frame = replace(frame, stamp_s=lidar.scan.stamp_s)
             located = {
                 camera: locate(
-                    one.fused if is_now else one.fused[:0],
+                    self._fused(one, camera) if is_now else one.fused[:0],
                     frame.views[camera],
                     lidar.ground,
                     self._vehicles,
@@ -272,8 +282,14 @@ class CameraStages(Restorable):
             }
             vehicles = join_cameras(located, frame, self._vehicles.min_existence)
             if found is not None and is_now:
-                searched = [n for n, one in enumerate(detections) if _has_searched_image(one)]
+                searched = {
+                    camera: self._sources.works(camera, "rgb")
+                    for camera, one in enumerate(detections)
+                    if _has_searched_image(one)
+                }
                 vehicles = join_bev(vehicles, found, frame, searched)
+            scenes = [None if one is None else one.scene for one in detections]
+            self._sources.update(frame.stamp_s, vehicles, scenes if is_now else [])
             pose, covariance = lidar.world_SE3_velo, lidar.scan.covariance
             return self._tracker.update(vehicles, frame, pose, lidar.tracks, covariance)
 

@@ -87,9 +87,10 @@ class MultimodalDetector:
         _validate(detectors)
         self.detectors = dict(detectors)
         """Detectors by modality."""
-        self._fusion: DetectionFusion = fusion or NmsFusion()
+        self.fusion: DetectionFusion = fusion or NmsFusion()
+        """Fusion of their detections."""
         if isinstance(fusion, Fusion):
-            self._fusion = fusion_of(fusion, detectors)
+            self.fusion = fusion_of(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
     def detect(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalOutput:
@@ -138,7 +139,7 @@ class MultimodalDetector:
             used = next(iter(maps.value.values()), dense)
             class_names = {name: one.class_names for name, one in self.detectors.items()}
             scene = DetectedScene(detections, size_px, class_names)
-            fused = _time(lambda: self._fusion.fuse(scene))
+            fused = _time(lambda: self.fusion.fuse(scene))
             timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
             timings_s |= {str(name): one.seconds for name, one in outputs.items()}
             images: dict[Modality, UInt8] = {

@@ -6,11 +6,12 @@ the 3D box is the one of the lower stated deviations, and log-odds of scores are
 has not keeps a lower score.
 """
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from perception.detection.fusion.source_record import unseen_odds
 from perception.detection.vehicles.bev_objects import LEAST
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
@@ -26,7 +27,7 @@ from perception.tracking.vehicles.observations import (
     SAME_PLACE_IOU,
     FrameGeometry,
 )
-from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
+from perception.types import Bool, Float64, Frame, Int, Vehicles
 
 _MIN_IOU_PX = 0.3  # minimum IoU of a detection and the outline of a 3D box in its image
 _MIN_IOU = 0.2  # minimum IoU on the ground, with which that in the image does not matter
@@ -41,14 +42,12 @@ _SURE = 0.5  # minimum existence of a detection that is paired before the others
 _SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.0), (0.5, 1.0)
 # Ratio of the deviations from above to those of the camera and its returns at which both boxes are as good, on KITTI's frames.
 _INFLATION = 1.4
-# Log-odds that an object is there although a camera that should show it does not, fitted there.
-_UNSEEN = -1.7
 # Classes that detectors in images do not know; on synthetic drives these miss true ones as often as false ones.
 _UNKNOWN_IN_IMAGES = ("Motorcycle", "Bicycle")
 
 
 def join_bev(
-    vehicles: Vehicles, found: Vehicles, frame: Frame, searched: Collection[int]
+    vehicles: Vehicles, found: Vehicles, frame: Frame, searched: Mapping[int, float]
 ) -> Vehicles:
     """Return the vehicles of cameras and maps and those of the bird's-eye view, each once, best first.
 
@@ -56,18 +55,21 @@ def join_bev(
         vehicles: V vehicles by cameras and maps.
         found: M vehicles of the bird's-eye view.
         frame: Frame of both.
-        searched: Numbers of the cameras whose images were searched.
+        searched: Probability that the detector works in each image that was searched, by the number of its camera.
     """
     rows, of_bev = find_pairs(vehicles, found, frame)
     found_m2, own_m2 = spreads_m2(found.select(of_bev)), spreads_m2(vehicles.select(rows))
     is_better = _INFLATION**2 * found_m2 < own_m2
+    works = np.array([searched.get(camera, 0.0) for camera in range(len(frame.views))])
     joined = _joined(vehicles, found, rows, of_bev, is_better)
+    joined = _at_least(
+        joined, rows, found.select(of_bev), unseen_odds(works[vehicles.cameras[rows]])
+    )
     left = np.setdiff1d(np.arange(len(found)), of_bev)
-    left = left[~are_covered(found.boxes[left], joined)]
+    left = left[~are_covered(found.select(left), joined)]
     rest = found.select(left)
-    is_expected = np.isin(rest.cameras, list(searched))
-    is_expected &= ~np.isin(rest.bev_types, _UNKNOWN_IN_IMAGES)
-    unseen = np.where(is_expected, _UNSEEN, 0.0)
+    is_expected = (rest.cameras >= 0) & ~np.isin(rest.bev_types, _UNKNOWN_IN_IMAGES)
+    unseen = unseen_odds(np.where(is_expected, works[rest.cameras], 0.0))
     rest = _with_evidence(rest, unseen, unseen)
     # Returns of an object go with its 3D box.
     row_of = np.full(len(found), -1)
@@ -176,9 +178,21 @@ def _joined(
     )
 
 
-def are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
-    """Return (M,) whether boxes from above overlap a vehicle on the ground."""
-    overlap = np.nan_to_num(iou_bev(boxes, vehicles.boxes))
+def _at_least(vehicles: Vehicles, rows: Int, seen: Vehicles, unseen: Float64) -> Vehicles:
+    """Return vehicles of which those of some rows exist as surely as if no image showed what is seen from above.
+
+    A weak detection, which a camera or a map makes of most objects that it hardly shows, is no worse than none.
+    """
+    existence = vehicles.fused.existence.copy()
+    alone = probability(log_odds(seen.fused.existence, LEAST) + unseen)
+    existence[rows] = np.maximum(existence[rows], alone)
+    return replace(vehicles, fused=replace(vehicles.fused, existence=existence))
+
+
+def are_covered(found: Vehicles, vehicles: Vehicles) -> Bool:
+    """Return (M,) whether objects from above overlap a vehicle on the ground that exists as surely."""
+    overlap = np.nan_to_num(iou_bev(found.boxes, vehicles.boxes))
+    overlap *= vehicles.fused.existence >= found.fused.existence[:, None]
     return np.asarray(overlap.max(axis=1, initial=0.0) >= _MIN_IOU)
 
 

@@ -52,7 +52,7 @@ def seen_by_both(boxes: Boxes3D, found: BevDetections, score: float = 0.6, kind:
 def test_a_car_of_camera_and_view_from_above_is_one_with_the_better_box_and_a_higher_score():
     true = cars(AHEAD)
     frame, located, found = seen_by_both(true, above(true))
-    joined = join_bev(located, found, frame, [0])
+    joined = join_bev(located, found, frame, {0: 1.0})
     assert len(joined) == 1
     np.testing.assert_array_equal(
         joined.fused.detections.boxes_px, located.fused.detections.boxes_px
@@ -73,7 +73,7 @@ def test_a_box_of_large_deviations_does_not_replace_that_of_the_camera():
     true = cars(AHEAD)
     off = replace(true, bottom_m=true.bottom_m + np.array([0.6, 0, 0]))
     frame, located, found = seen_by_both(true, above(off, position_m=3.0))
-    joined = join_bev(located, found, frame, [0])
+    joined = join_bev(located, found, frame, {0: 1.0})
     assert len(joined) == 1
     np.testing.assert_array_equal(joined.boxes.bottom_m, located.boxes.bottom_m)
 
@@ -85,7 +85,7 @@ def test_the_front_is_that_of_the_surer_one_whichever_box_is_taken():
         frame, located, seen = seen_by_both(true, found)
         if not is_turned:
             located = replace(located, boxes=replace(located.boxes, yaw_rad=np.array([0.2])))
-        joined = join_bev(located, seen, frame, [0])
+        joined = join_bev(located, seen, frame, {0: 1.0})
         np.testing.assert_array_equal(joined.boxes.bottom_m, located.boxes.bottom_m)
         assert (np.cos(joined.boxes.yaw_rad[0] - true.yaw_rad[0]) > 0.9) == is_turned
         assert joined.box_deviations.reversal[0] == min(reversal, 0.1)
@@ -94,7 +94,7 @@ def test_the_front_is_that_of_the_surer_one_whichever_box_is_taken():
 def test_what_the_view_from_above_does_not_find_stays_as_the_camera_shows_it():
     true = cars(AHEAD, (25.0, -4.0, 0.0))
     frame, located, found = seen_by_both(true, above(true[:0]))
-    joined = join_bev(located, found, frame, [0])
+    joined = join_bev(located, found, frame, {0: 1.0})
     for name in ("scores", "boxes_px"):
         np.testing.assert_array_equal(
             getattr(joined.fused.detections, name), getattr(located.fused.detections, name)
@@ -104,18 +104,29 @@ def test_what_the_view_from_above_does_not_find_stays_as_the_camera_shows_it():
     assert np.isnan(joined.bev_scores).all()
 
 
+def test_a_weak_detection_in_an_image_speaks_no_more_against_an_object_than_none():
+    true = cars(AHEAD)
+    frame, weak, found = seen_by_both(true, above(true, score=0.8), score=0.02)
+    none = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, {0: 1.0})
+    joined = join_bev(weak, found, frame, {0: 1.0})
+    assert (len(joined), joined.dominant_modalities[0]) == (1, "rgb")
+    assert joined.fused.existence[0] == pytest.approx(none.fused.existence[0])
+    unsearched = join_bev(weak, found, frame, {})
+    assert unsearched.fused.existence[0] == pytest.approx(found.fused.existence[0])
+
+
 def test_only_what_a_camera_should_show_and_does_not_has_a_lower_score():
     true = cars(AHEAD, BEHIND)
     frame, _, found = seen_by_both(true, above(true))
     own = found.fused.detections.scores
-    unseen = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, [0])
+    unseen = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, {0: 1.0})
     behind, ahead = 0, 1  # best first
     assert unseen.cameras.tolist() == [-1, 0]
     assert unseen.fused.detections.scores[behind] == own[1]
     assert unseen.fused.detections.scores[ahead] < own[0]
     assert np.isnan(unseen.fused.detections.boxes_px[behind]).all()
     assert unseen.dominant_modalities.tolist() == ["bev", "bev"]
-    unsearched = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, [])
+    unsearched = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, {})
     assert unsearched.fused.detections.scores.tolist() == own.tolist()
 
 
@@ -125,7 +136,7 @@ def test_a_bus_that_a_camera_calls_a_truck_is_a_bus_and_stays_one():
     for index in range(3):
         frame, located, found = seen_by_both(true, above(true, number=bus), kind="Truck")
         frame = replace(frame, index=index, stamp_s=0.1 * index)
-        joined = join_bev(located, found, frame, [0])
+        joined = join_bev(located, found, frame, {0: 1.0})
         named = joined.fused.detections.types.tolist(), joined.bev_types.tolist()
         assert named == (["Truck"], ["Bus"])
         tracked = tracker.update(joined, frame, np.eye(4)).vehicles
@@ -142,7 +153,7 @@ def test_the_likeliest_class_of_a_camera_takes_the_surest_box_from_above():
     both = Vehicles.concatenate([located, other], located.owners)
     existence = np.array([0.8, 0.3])
     both = replace(both, fused=replace(both.fused, existence=existence))
-    joined = join_bev(both, found, frame, [0])
+    joined = join_bev(both, found, frame, {0: 1.0})
     named = dict(zip(joined.fused.detections.types, joined.bev_types, strict=True))
     assert named == {"Truck": "Bus", "Van": ""}
 
@@ -151,10 +162,10 @@ def test_a_person_before_a_car_and_a_car_behind_another_stay_two():
     true = cars(AHEAD)
     person = cars((11.0, 2.2, 0.0), size_m=(0.7, 0.6, 1.75))
     frame, located, found = seen_by_both(true, above(person, number=2))
-    assert len(join_bev(located, found, frame, [0])) == 2
+    assert len(join_bev(located, found, frame, {0: 1.0})) == 2
     farther = cars((22.0, 4.4, 0.2))
     frame, located, found = seen_by_both(true, above(farther))
-    assert len(join_bev(located, found, frame, [0])) == 2
+    assert len(join_bev(located, found, frame, {0: 1.0})) == 2
 
 
 def test_returns_above_the_ground_belong_to_the_box_around_them():
@@ -173,7 +184,7 @@ def test_a_car_keeps_its_id_all_round_without_a_camera_and_into_its_view():
         pose, boxes = observed_from(float(index), parked)
         frame = frame_of(road(), sides(boxes), index=index, pose=pose)
         found = bev_vehicles(above(boxes), CLASSES, frame)
-        searched = [0]
+        searched = {0: 1.0}
         vehicles = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, searched)
         tracked = tracker.update(vehicles, frame, pose).vehicles
         assert len(tracked) == 1
