@@ -81,8 +81,8 @@ def log_shares(classes: NDArray[np.str_]) -> Float64:
 
 
 def names_in_images(vehicles: Vehicles) -> NDArray[np.str_]:
-    """Return (M,) names of untracked vehicles in images; empty of those that were found from above alone."""
-    is_shown = (vehicles.bev_types == "") | (vehicles.fused.dominant_modality >= 0)
+    """Return (M,) names of untracked vehicles in images; empty of what was found from above, but not by a camera."""
+    is_shown = (vehicles.bev_types == "") | (vehicles.fused.source_indices[:, 0] >= 0)
     return np.where(is_shown, vehicles.fused.detections.types, "")
 
 
