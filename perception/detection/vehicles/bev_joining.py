@@ -62,9 +62,7 @@ def join_bev(
     is_better = _INFLATION**2 * found_m2 < own_m2
     works = np.array([searched.get(camera, 0.0) for camera in range(len(frame.views))])
     joined = _joined(vehicles, found, rows, of_bev, is_better)
-    joined = _at_least(
-        joined, rows, found.select(of_bev), unseen_odds(works[vehicles.cameras[rows]])
-    )
+    joined = _raised(joined, rows, found.select(of_bev), unseen_odds(works[vehicles.cameras[rows]]))
     left = np.setdiff1d(np.arange(len(found)), of_bev)
     left = left[~are_covered(found.select(left), joined)]
     rest = found.select(left)
@@ -178,7 +176,7 @@ def _joined(
     )
 
 
-def _at_least(vehicles: Vehicles, rows: Int, seen: Vehicles, unseen: Float64) -> Vehicles:
+def _raised(vehicles: Vehicles, rows: Int, seen: Vehicles, unseen: Float64) -> Vehicles:
     """Return vehicles of which those of some rows exist as surely as if no image showed what is seen from above.
 
     A weak detection, which a camera or a map makes of most objects that it hardly shows, is no worse than none.
