@@ -8,6 +8,9 @@ import numpy as np
 from data.derived.motion_labels import LabelledAround
 from data.detections.config import LabelNoise, VehicleDetector
 from data.labelled_drives import LabelledDrives
+from data.nuscenes.results import SampleBoxes
+from data.nuscenes.samples import read_samples
+from data.nuscenes.task_tracks import tracked_boxes, tracked_scene
 from data.recorded_drive import RecordedDrive
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
@@ -20,6 +23,7 @@ from perception.detection.networks import (
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.errors import DriveError
+from perception.evaluation.nuscenes.tracking import measure_task_tracks
 from perception.evaluation.vehicle_measure import VehicleMeasure, VehicleReport
 from perception.pipeline import PipelineConfig
 from perception.tracking.vehicles.tracker import VehicleTracker
@@ -137,10 +141,17 @@ def measure_vehicles(
             found="single frames" if drive.has_labels else "no boxes",
             advice="name such a drive, or make one: trifuse synth OUT --layout tracking",
         )
-    measure = VehicleMeasure(display_score)
+    measure, tracked = VehicleMeasure(display_score), dict[int, SampleBoxes]()
     results = reader.results(drive, opened.pipeline(pipeline))
     for result in opened.results(results, pipeline.vehicles):
         index = result.frame.index
         around = drive.labels_around(index) if isinstance(drive, LabelledAround) else None
         measure.update(result, drive.labels(index), around)
-    return measure.compute()
+        is_sample = around is not None and drive.sample_token(index) is not None
+        if is_sample and result.vehicles is not None:
+            tracked[index] = tracked_boxes(result.vehicles, drive.map_SE3_velo(index))
+    report = measure.compute()
+    if not tracked:
+        return report
+    pairs = zip(read_samples(drive, [*tracked]), tracked.values(), strict=True)
+    return replace(report, task=measure_task_tracks([tracked_scene([*pairs])]))

@@ -1,14 +1,38 @@
-"""Tracks of nuScenes' results beside the labels of their samples, as its tracking task counts them."""
+"""Tracks beside the labels of their samples, as nuScenes' tracking task counts them: of its results, or of the pipeline."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from data.labelled_objects import task_classes
 from data.nuscenes.results import SampleBoxes
 from data.nuscenes.samples import Sample
-from perception.evaluation.nuscenes.boxes import TaskBoxes
+from perception.evaluation.nuscenes.boxes import TaskBoxes, TaskDetections
 from perception.evaluation.nuscenes.tracking import TaskTracks, TrackedScene
-from perception.types import Float64, Int
+from perception.geometry.boxes import transform_boxes
+from perception.types import Float64, Int, Vehicles
+
+
+def tracked_boxes(vehicles: Vehicles, map_SE3_velo: Float64) -> SampleBoxes:
+    """Return the vehicles of one sample that have an id and a 3D box, with the existence of their tracks as scores.
+
+    Args:
+        vehicles: Tracked vehicles.
+        map_SE3_velo: (4, 4) pose of the LiDAR in the world of the labels.
+    """
+    rows = np.flatnonzero((vehicles.ids >= 0) & np.isfinite(vehicles.boxes.yaw_rad))
+    boxes = transform_boxes(map_SE3_velo, vehicles.boxes[rows])
+    types, scores = vehicles.fused.detections.types[rows], vehicles.fused.existence[rows]
+    found = TaskDetections(
+        types=task_classes(types.tolist()),
+        centers_m=boxes.centers_m,
+        size_m=boxes.size_m,
+        yaw_rad=boxes.yaw_rad,
+        velocities_m_s=vehicles.velocities_m_s[rows] @ map_SE3_velo[:2, :2].T,
+        attributes=np.full(len(rows), ""),
+        scores=scores,
+    )
+    return SampleBoxes(types, boxes, scores, vehicles.ids[rows], found)
 
 
 def tracked_scene(samples: Sequence[tuple[Sample, SampleBoxes]]) -> TrackedScene:

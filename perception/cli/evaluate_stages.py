@@ -261,7 +261,7 @@ def evaluate_vehicles(
     noise: LabelNoise = _NOISE,
     pipeline: PipelineConfig = _VEHICLES,
 ) -> None:
-    """Measure detected vehicles as objects: HOTA, MOTA and IDF1 in the image, and positions on the road.
+    """Measure detected vehicles as objects: HOTA, MOTA and IDF1, AMOTA where all round is labelled, and positions on the road.
 
     Example: trifuse evaluate vehicles kitti/tracking --sequence 0000 --detector depthcn
 

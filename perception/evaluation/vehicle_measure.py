@@ -26,6 +26,7 @@ from perception.evaluation.multi_object.kitti_protocol import (
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.evaluation.nuscenes.tracking import TrackTaskReport
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, SummedMetrics, Table
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
@@ -214,6 +215,7 @@ class VehicleReport(Report):
         intervals: Shares of the true boxes within the intervals of their uncertainty, by class and by range.
         coverage: Share of the detected cars that have an id, by range.
         ids: Ids shared by vehicles and moving objects.
+        task: Metrics of nuScenes' tracking task, where all round is labelled.
     """
 
     frames: Annotated[int, CONTEXT]
@@ -224,6 +226,7 @@ class VehicleReport(Report):
     intervals: Mapping[str, BoxIntervalMetrics]
     coverage: Mapping[str, CoverageMetrics]
     ids: ColocatedObjects
+    task: TrackTaskReport | None = None
 
     def tables(self) -> list[Table[Any]]:
         """Return the tracks in the image and on the ground, and the errors by range with the number of shared ids below."""
@@ -239,6 +242,7 @@ class VehicleReport(Report):
                 f"tracks on the ground, {where}: boxes from above, ratios in percent",
                 self.ground_tracking,
             ),
+            *(self.task.tables() if self.task else ()),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
             Table(
                 "boxes: shares of the truth within intervals that should hold 90 %",

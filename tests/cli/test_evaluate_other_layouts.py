@@ -127,6 +127,11 @@ def test_vehicles(evaluate):
         assert (
             found["location"]["0 to 25 m"]["detected"] >= kitti["location"]["0 to 25 m"]["detected"]
         )
+        # Of all round, the labels in the image are found.
+        cars = found["task"]["classes"]["car"]
+        assert (cars["ids"], cars["tp"] + cars["fn"]) == (0, cars["objects"])
+        assert 0 < cars["amota"] <= cars["recall"] < 1
+    assert "task" not in kitti or kitti["task"] is None
 
 
 def test_vehicles_are_tracks_of_boxes(evaluate):

@@ -1,6 +1,7 @@
 """nuScenes' tracking task: AMOTA and AMOTP of made-up tracks, and the devkit's values on a real scene."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from data.layouts import OpenConfig
 from data.nuscenes.results import parse_sample
 from data.nuscenes.samples import read_samples
 from data.nuscenes.scene import open_scene
-from data.nuscenes.task_tracks import tracked_scene
+from data.nuscenes.task_tracks import tracked_boxes, tracked_scene
 from data.result_files import ResultFiles
 from perception.evaluation.nuscenes.tracking import (
     TaskTracks,
@@ -20,6 +21,7 @@ from perception.evaluation.nuscenes.tracking import (
     fill_gaps,
     measure_task_tracks,
 )
+from perception.types import BoxDeviations, Boxes3D, Detections, FusedDetections, Vehicles
 
 NAMES = {
     "vehicle.bicycle": "bicycle", "vehicle.bus.rigid": "bus", "vehicle.car": "car", "vehicle.motorcycle": "motorcycle",
@@ -208,6 +210,26 @@ def test_classes_without_objects_and_without_tracks():
     empty = TrackedScene(stamps_us, tracks(), tracks((0, 7, 50.0)))
     assert measure_task_tracks([empty]).classes == {}
     assert np.isnan(measure_task_tracks([empty]).mean.amota)
+
+
+def test_vehicles_with_an_id_and_a_box_are_tracks_in_the_world_of_the_labels():
+    unknown, count = np.full((4, 2), np.nan), 4
+    bottom_m = np.array([[10.0, 0, -1.5], [0, 5, -1.5], [8, 8, -1.5], [np.nan, np.nan, np.nan]])
+    found = Detections(
+        np.zeros((count, 4)), np.ones(count), np.array(["Van", "Cyclist", "Car", "Car"])
+    )
+    fused = replace(FusedDetections.unfused(found), existence=np.array([0.9, 0.7, 0.8, 0.6]))
+    vehicles = Vehicles(
+        fused, np.array([4, 2, -1, 7]), Boxes3D(bottom_m, np.ones((count, 3)), bottom_m[:, 0]), unknown[:, 0],
+        np.ones((count, 2)), np.full((count, 4, 4), np.nan), BoxDeviations.unknown(count), np.zeros(0, np.int64),
+    )  # fmt: skip
+    map_SE3_velo = np.array([[0.0, -1, 0, 100], [1, 0, 0, 50], [0, 0, 1, 2], [0, 0, 0, 1]])
+    boxes = tracked_boxes(vehicles, map_SE3_velo)
+    assert boxes.track_ids.tolist() == [4, 2]
+    assert boxes.objects.types.tolist() == ["car", "bicycle"]
+    assert boxes.scores.tolist() == [0.9, 0.7]
+    np.testing.assert_allclose(boxes.objects.centers_m, [[100, 60, 1], [95, 50, 1]])
+    np.testing.assert_allclose(boxes.objects.velocities_m_s, [[-1, 1], [-1, 1]])
 
 
 def noisy_tracks(root: Path) -> dict[str, Any]:
