@@ -1,13 +1,15 @@
 """What the view from above tells of objects beside a camera, fitted to labelled synthetic drives.
 
-The constants of `bev_objects` and `bev_joining` are the rows of this table. Real frames are not fitted to.
+The constants of `bev_objects`, `bev_joining` and `class_names` are the rows of these tables. Real frames are not fitted to.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from data.recorded_drive import RecordedDrive
@@ -27,6 +29,7 @@ from perception.types import ArrayTable, Bool, Float64, Frame, Labels, Vehicles
 
 _NEAR_M, _NEAR_PERSON_M = 2.0, 1.0  # maximum distance of an object from its label
 _MIN_IOU_PX, _MIN_PERSON_IOU_PX = 0.7, 0.5  # minimum IoU of a rectangle that fits
+_MIN_EXISTENCE = 0.2  # minimum existence of what is named, as of what may continue a track
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of deviations, of which the best is taken
 
 
@@ -56,6 +59,36 @@ class SeenFromAbove(ArrayTable):
 
 
 @dataclass(frozen=True)
+class NamedObjects(ArrayTable):
+    """N labelled objects that are found in an image or from above.
+
+    Attributes:
+        types: (N,) classes of their labels.
+        in_image: (N,) names in an image, empty of what no image shows.
+        above: (N,) names from above, empty of what is not found there.
+    """
+
+    types: NDArray[np.str_]
+    in_image: NDArray[np.str_]
+    above: NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Names(Metrics):
+    """Names of the objects of one class, the most frequent first, in percent of those that a source finds.
+
+    Attributes:
+        objects: Number of objects.
+        in_image: Names in images.
+        above: Names from above.
+    """
+
+    objects: Annotated[int, Metric("objects")]
+    in_image: Annotated[str, Metric("in images [%]")]
+    above: Annotated[str, Metric("from above [%]")]
+
+
+@dataclass(frozen=True)
 class Evidence(Metrics):
     """Constants for one kind of objects.
 
@@ -80,16 +113,34 @@ class Evidence(Metrics):
 
 def measure_evidence(
     drives: Sequence[RecordedDrive], config: DetectionConfig
-) -> Mapping[str, Evidence]:
-    """Return the constants of vehicles and of people, fitted to drives with labels and images."""
+) -> tuple[Mapping[str, Evidence], Mapping[str, Names]]:
+    """Return the constants of vehicles and of people, and the names of each class, by drives with labels and images."""
     camera = MultimodalDetector(open_detectors(config), open_fusion(config))
-    found = SeenFromAbove.concatenate(
-        seen for drive in drives for seen in _seen(drive, camera, config)
+    found, named = zip(
+        *(one for drive in drives for one in _seen(drive, camera, config)), strict=True
     )
-    return {
-        name: fit_evidence(found[found.is_vehicle == is_vehicle])
+    seen, names = SeenFromAbove.concatenate(found), NamedObjects.concatenate(named)
+    evidence = {
+        name: fit_evidence(seen[seen.is_vehicle == is_vehicle])
         for name, is_vehicle in (("vehicles", True), ("people and cycles", False))
     }
+    return evidence, count_names(names)
+
+
+def count_names(objects: NamedObjects) -> Mapping[str, Names]:
+    """Return the names that each source gives to objects of each class; `class_names` states them."""
+    rows = {str(name): objects[objects.types == name] for name in np.unique(objects.types)}
+    return {
+        name: Names(len(one), _percent(one.in_image), _percent(one.above))
+        for name, one in rows.items()
+    }
+
+
+def _percent(names: NDArray[np.str_]) -> str:
+    counts = Counter(names[names != ""].tolist())
+    return ", ".join(
+        f"{name} {100 * count / counts.total():.0f}" for name, count in counts.most_common()
+    )
 
 
 def fit_evidence(found: SeenFromAbove) -> Evidence:
@@ -126,7 +177,7 @@ def _logistic(inputs: Float64, is_true: Bool, known: Float64 | float = 0.0) -> l
 
 def _seen(
     drive: RecordedDrive, camera: MultimodalDetector, config: DetectionConfig
-) -> Iterator[SeenFromAbove]:
+) -> Iterator[tuple[SeenFromAbove, NamedObjects]]:
     above = open_bev(config, drive.sensor)
     assert above is not None  # a modality of the configuration
     for index in range(len(drive)):
@@ -137,10 +188,13 @@ def _seen(
 
 def _seen_in(
     frame: Frame, labels: Labels, camera: MultimodalDetector, above: BevDetector
-) -> SeenFromAbove:
+) -> tuple[SeenFromAbove, NamedObjects]:
     found = bev_vehicles(above.detect(frame.points_velo), above.class_names, frame)
     found = found.select(np.flatnonzero(found.cameras == 0))
     vehicles = locate(camera.detect(frame).fused, frame, None)
+    named = NamedObjects(
+        labels.types.astype(np.str_), _names(vehicles, labels), _names(found, labels)
+    )
     columns, rows = find_pairs(vehicles, found, frame)
     count = len(found)
     is_vehicle = SizePriors.of(found.fused.detections.types).has_sides
@@ -157,7 +211,7 @@ def _seen_in(
     ratios[rows] = np.sqrt(own_m2[columns] / found_m2[rows])
     ious[:, 1] = iou_3d(found.boxes, labels.boxes_velo).max(axis=1)
     ious[rows, 0] = np.nan_to_num(iou_3d(vehicles.boxes, labels.boxes_velo)).max(axis=1)[columns]
-    return SeenFromAbove(
+    seen = SeenFromAbove(
         is_vehicle=is_vehicle,
         scores=found.bev_scores,
         is_object=away_m.min(axis=1) <= np.where(is_vehicle, _NEAR_M, _NEAR_PERSON_M),
@@ -167,6 +221,19 @@ def _seen_in(
         spread_ratios=ratios,
         ious=ious,
     )
+    return seen, named[(named.in_image != "") | (named.above != "")]
+
+
+def _names(vehicles: Vehicles, labels: Labels) -> NDArray[np.str_]:
+    """Return (N,) names of the surest vehicles near labelled objects; empty without one."""
+    detections, has_sides = vehicles.fused.detections, SizePriors.of(labels.types).has_sides
+    away_m = center_distances_m(labels.boxes_velo, vehicles.boxes)
+    is_near = away_m <= np.where(has_sides, _NEAR_M, _NEAR_PERSON_M)[:, None]
+    is_near &= has_sides[:, None] == SizePriors.of(detections.types).has_sides
+    existence = np.hstack(
+        [np.full((len(labels), 1), _MIN_EXISTENCE), is_near * vehicles.fused.existence]
+    )
+    return np.asarray(np.append("", detections.types)[existence.argmax(axis=1)], np.str_)
 
 
 def _fit(vehicles: Vehicles, labels: Labels) -> Bool:

@@ -84,11 +84,11 @@ def modalities(
         drives: Labelled drives of sensors with few and many beams; one or several.
         sets: Modalities joined by +, several sets with commas.
         evidence: Labelled synthetic drives with images, with commas between them, to which the constants are fitted by
-            which detections in an image and from above are joined.
+            which detections in an image and from above are joined, and of whose objects the names are counted.
         detection: Networks of the modalities.
         out: Figure; the numbers are written beside it.
     """
-    from benchmarks.studies.bev_evidence import Evidence, measure_evidence
+    from benchmarks.studies.bev_evidence import Evidence, Names, measure_evidence
     from data.measured_task import measure_task_run
     from data.open_drive import open_drives
 
@@ -120,8 +120,10 @@ def modalities(
     if evidence:
         title = "Evidence of the view from above"
         config = replace(detection, modalities=("rgb", "bev"))
-        fitted = measure_evidence(open_drives(evidence), config)
+        fitted, named = measure_evidence(open_drives(evidence), config)
         tables[title] = Table(title, Evidence.columns(), fitted, "objects")
+        title = "Names of labelled objects by source"
+        tables[title] = Table(title, Names.columns(), named, "class")
     plot_groups(out, "Modalities by sensor", list(measured), figures)
     conditions = {"drives": drives, "sets": sets, "evidence": evidence, "detection": detection}
     publish(out, "none: the thesis has no view from above", tables, conditions)

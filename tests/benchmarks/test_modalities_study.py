@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.studies.bev_evidence import SeenFromAbove, fit_evidence
+from benchmarks.studies.bev_evidence import NamedObjects, SeenFromAbove, count_names, fit_evidence
 from benchmarks.studies.modalities import SetMetrics, Timed
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
@@ -53,6 +53,18 @@ def test_constants_are_those_that_made_what_was_found():
     assert (fitted.share, fitted.constant) == pytest.approx((0.2, 0.6), abs=0.06)
     assert fitted.unseen == pytest.approx(0.0, abs=0.1)
     assert fitted.ratio == 3
+
+
+def test_names_are_counted_by_class_and_source():
+    objects = NamedObjects(
+        np.array(["Van", "Van", "Van", "Car"]),
+        np.array(["Car", "Van", "Van", ""]),
+        np.array(["Van", "", "", "Car"]),
+    )
+    names = count_names(objects)
+    assert list(names) == ["Car", "Van"]
+    assert (names["Car"].objects, names["Car"].in_image, names["Car"].above) == (1, "", "Car 100")
+    assert (names["Van"].in_image, names["Van"].above) == ("Van 67, Car 33", "Van 100")
 
 
 def test_each_set_has_a_row(tmp_path, capsys):
