@@ -2,7 +2,7 @@
 
 A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
 joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
-(at least `min_voxels` and a tenth of all, and more than those that persisted).
+(at least `min_voxels`, and more than those that persisted).
 
 Leaves, fences and what stands behind them appear in free space without moving, since beams find another way through
 them in every scan. But they have been there before: earlier scans have returns from the same place, and later ones
@@ -27,8 +27,6 @@ _GAP_RATIO = 2.0
 _REACH_STEP = 64  # columns in which a table of them grows
 
 _MIN_VOXELS_NEAR_MOVING = 4  # that appeared, next to what moved in the scan before
-_EARLY_WEIGHT = 0.5  # of a voxel while the history is short: two leaves are no pedestrian
-_MIN_APPEARED_RATIO = 0.1  # of a cluster's voxels
 # Observations of its voxels that appeared, over the scans of the horizon, of a cluster that begins to move.
 _MIN_OBSERVATIONS = 40
 _CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his earlier place
@@ -111,13 +109,9 @@ def moving_voxels(
     was_near = np.zeros(len(cluster), bool)
     was_near[cluster > 0] = _are_near_moving(centers_m[cluster > 0], moved_before_m)
     goes_on = count_by_cluster(was_near) > 0
-    least = min_voxels * max(static_weight, _EARLY_WEIGHT)
-    required = np.where(goes_on, _MIN_VOXELS_NEAR_MOVING, least)
-    moves = (
-        (appeared >= required)
-        & (appeared > count_by_cluster(votes.persisted) * static_weight)
-        & (appeared >= _MIN_APPEARED_RATIO * count_by_cluster(np.ones(len(cluster), bool)))
-    )
+    required = np.where(goes_on, _MIN_VOXELS_NEAR_MOVING, min_voxels * static_weight)
+    moves = appeared >= required
+    moves &= appeared > count_by_cluster(votes.persisted) * static_weight
     if history.ages_s[0] >= _STOP_AGE_S:
         hit = count_by_cluster(history.was_hit[0])
         seen = (
@@ -145,7 +139,7 @@ def _are_near_moving(centers_m: Float, moving_m: Float) -> Bool:
 
 
 def _static_weight(history: VisibilityHistory) -> float:
-    """Return the weight of a persisting voxel against one that appeared.
+    """Return the weight of a persisting voxel against one that appeared, and the share of voxels that must appear.
 
     While the history is short a pedestrian still overlaps his earlier place, and only his front has appeared.
     """

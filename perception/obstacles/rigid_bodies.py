@@ -32,8 +32,7 @@ _MAX_WIDTH_M = 3.2
 _END_M = 0.7  # of a body, from which as many samples are taken as from all of it
 
 _STEP_M = 0.3  # of distances: less than the margins of a hit on both sides
-# Since the oldest queried scan; what came farther has left its place.
-_MAX_DISTANCE_M, _MAX_SPEED_M_S = 8.0, 30.0
+_MAX_DISTANCE_M = 8.0  # since the oldest queried scan; what came farther has left its place
 _MAX_CHANGE = 0.6  # of the mean speed since a scan from that since the oldest
 _LOG_ODDS = 0.5  # of a sample: neighbours err together
 _PRIOR = 6.0  # log odds of rest, of what has not moved before
@@ -97,9 +96,8 @@ class _Paths:
     @classmethod
     def since(cls, ages_s: list[float]) -> "_Paths":
         """Return the ways since scans of some ages."""
-        farthest_m = min(_MAX_DISTANCE_M, _MAX_SPEED_M_S * ages_s[-1])
         ahead_m = [
-            _STEP_M * np.arange(1, np.ceil(farthest_m * age_s / ages_s[-1] / _STEP_M) + 1)
+            _STEP_M * np.arange(1, np.ceil(_MAX_DISTANCE_M * age_s / ages_s[-1] / _STEP_M) + 1)
             for age_s in ages_s
         ]
         fits = []

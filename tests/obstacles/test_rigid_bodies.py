@@ -41,6 +41,6 @@ def test_what_moved_before_needs_less_evidence_the_sooner_the_next_scan():
     assert odds[0] > 0 > odds[-1]
 
 
-def test_distances_end_where_no_vehicle_comes_from():
+def test_distances_end_where_a_body_has_left_its_place():
     paths = _Paths.since([0.1])
-    assert paths.distances_m[0][[0, -1]] == pytest.approx([-3.0, 3.0], abs=0.31)
+    assert paths.distances_m[0][[0, -1]] == pytest.approx([-8.0, 8.0], abs=0.31)
