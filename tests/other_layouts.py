@@ -300,6 +300,13 @@ def _write(path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
 
+def leave_out_instances(root: Path) -> Path:
+    """Leave the numbers of objects out of SemanticKITTI's labels in a folder; return the folder."""
+    for file in root.rglob("*.label"):
+        (np.fromfile(file, np.uint32) & 0xFFFF).tofile(file)
+    return root
+
+
 def write_semantic_kitti(
     root: Path, drive: CachedDrive | TinyDrive, *, images: bool = True
 ) -> Path:

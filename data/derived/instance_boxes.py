@@ -4,6 +4,7 @@ A box is fitted to the points of an instance in each scan. Over a drive with pos
 parked; without poses each scan is on its own.
 """
 
+import logging
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -31,6 +32,7 @@ from perception.geometry.se3 import inverse
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Boxes3D, Float64, Int, Labels, PointTruth
 
+log = logging.getLogger(__name__)
 _TYPES = {10: "Car", 11: "Bicycle", 13: "Bus", 15: "Motorcycle", 16: "Tram", 18: "Truck", 20: "Misc",
           30: "Pedestrian", 31: "Cyclist", 32: "Motorcycle"}  # fmt: skip
 _MIN_POINTS = 5
@@ -63,6 +65,7 @@ class InstanceBoxes:
     @cached_property
     def _labels(self) -> Mapping[str, Labels]:
         drive, mapper = self.drive, BevMapper(self.drive.sensor, BevGrid())
+        log.warning("%s: fitting boxes to the instances of all %d scans", drive.name, len(drive))
         found = [self._observe(index, mapper) for index in range(len(drive))]
         keys = np.concatenate([keys for keys, _ in found])
         seen = Observations.concatenate([one for _, one in found])

@@ -10,6 +10,7 @@ import pyarrow
 import pytest
 from pyarrow import feather
 
+from data.folder.labelled_drive import LabelledPointsDrive
 from data.layouts import OpenConfig
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, draw_drive, write_drives
@@ -65,9 +66,9 @@ def test_without_a_name_the_first_camera_is_the_only_one(written):
     np.testing.assert_array_equal(frame.image, opened(written, "front")[0].image)
 
 
-def test_another_main_camera_has_no_labels(written):
+def test_with_another_main_camera_the_labels_are_those_of_the_points(written):
     drive = opened(written, "left,front")
-    assert not drive.has_labels
+    assert isinstance(drive, LabelledPointsDrive)
     assert [view.camera for view in drive[0].views] == ["left", "front"]
 
 

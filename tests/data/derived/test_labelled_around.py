@@ -8,7 +8,12 @@ import pytest
 from data.derived.motion_labels import evaluation_labels, label_drive_motion
 from data.open_drive import open_drive
 from perception.evaluation.objects import MotionState
-from tests.other_layouts import stamp_ns, write_argoverse2, write_semantic_kitti
+from tests.other_layouts import (
+    leave_out_instances,
+    stamp_ns,
+    write_argoverse2,
+    write_semantic_kitti,
+)
 from tests.tiny_drive import TinyDrive
 
 
@@ -28,7 +33,9 @@ def test_labels_of_an_evaluation(log, tmp_path):
     drive = open_drive(log)
     labels = evaluation_labels(drive, 0)
     np.testing.assert_array_equal(labels.boxes_px, [[-1.0] * 4])
-    assert evaluation_labels(open_drive(write_semantic_kitti(tmp_path, TinyDrive())), 0) is None
+    written = write_semantic_kitti(tmp_path, TinyDrive())
+    assert evaluation_labels(open_drive(written), 0).types.tolist() == ["Car"]
+    assert evaluation_labels(open_drive(leave_out_instances(written)), 0) is None
 
 
 def test_motion_of_a_short_drive_by_the_labels_around_it_in_time(log):
