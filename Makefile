@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+unexport PYTHONDONTWRITEBYTECODE  # tests start hundreds of processes
 
 .PHONY: demo test quick oldest lint fuzz mutants audit reliability docs wheel bench bench-compare weights thesis format clean help
 
@@ -41,7 +42,7 @@ oldest:
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 
 # Files that no parser may stumble over: RUNS executions each, PARSERS="scan image" for some of them.
 RUNS ?= 20000
@@ -175,23 +176,26 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
+# The bytecode of all that is installed takes a minute; Python writes that of what it imports.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile
+
 $(VENV)/.installed: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable .
+	$(INSTALL) --editable .
 	@touch $@
 
 # It demands older releases of rosbags and psutil, which reading packets does not need.
 OUSTER := "ouster-sdk>=1.0"
 $(VENV)/.installed-dev: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	$(BIN)/python -m pip install --quiet --no-deps $(OUSTER)
+	$(INSTALL) --editable ".[dev]"
+	$(INSTALL) --no-deps $(OUSTER)
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-fuzz: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable ".[fuzz]"
+	$(INSTALL) --editable ".[fuzz]"
 	@touch $@
 
 $(VENV)/.installed-bench: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable ".[bench]"
+	$(INSTALL) --editable ".[bench]"
 	@touch $@
 
 clean:
