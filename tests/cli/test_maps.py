@@ -47,12 +47,17 @@ def test_the_first_frames_can_be_chosen(drive, tmp_path, capsys):
     assert capsys.readouterr().out.startswith("1 depth and reflectance maps")
 
 
-@pytest.mark.parametrize("flags", [("--frame", "1"), ("--all",)])
-def test_maps_are_of_every_camera_that_is_asked_for(tmp_path, flags):
-    write = ["synth", str(tmp_path / "drive"), "--frames", "2", "--layout", "folder"]
+@pytest.fixture(scope="module")
+def two_cameras(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("two_cameras")
+    write = ["synth", str(folder), "--frames", "2", "--layout", "folder"]
     assert main([*write, "--sensor", "VLP-16", "--cameras", "front,rear"]) == 0
-    out = tmp_path / "maps"
-    drive = str(tmp_path / "drive" / "0000")
+    return str(folder / "0000")
+
+
+@pytest.mark.parametrize("flags", [("--frame", "1"), ("--all",)])
+def test_maps_are_of_every_camera_that_is_asked_for(two_cameras, tmp_path, flags):
+    out, drive = tmp_path / "maps", two_cameras
     assert main(["maps", drive, "--camera", "rear,front", *flags, "--out", str(out)]) == 0
     assert main(["maps", drive, "--camera", "rear", *flags, "--out", str(tmp_path / "rear")]) == 0
     for kind in ("depth", "reflectance"):

@@ -11,7 +11,7 @@ import torch
 from data.label_proposals.proposals import Proposal, ProposalFile
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
-from export import adaptation, adapted_bev
+from export import adaptation, adapted_bev, adapted_detector
 from export.adaptation import WeightLine
 from export.adaptation_config import AdaptationConfig
 from export.adaptation_report import KEPT, MEAN, AdaptationReport, AdaptedPrecision
@@ -106,6 +106,7 @@ def test_a_camera_learns_proposals_in_its_image(drive, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(adaptation, "_SHARES", (1.0,))
     monkeypatch.setattr(adaptation, "_GUARD_SCANS", 1)
+    monkeypatch.setattr(adapted_detector, "SENSORS", 2)
     out, opened, weights = tmp_path / "out", open_drive(drive), tmp_path / "small.onnx"
     size = {"modality": "rgb", "network": "yolox-nano", "size": InputSize(64, 192)}
     config = DetectorNetworkConfig(class_names=("Car",), **size)
