@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from perception.kernels.shared_areas import paired_shared_areas, shared_areas
 from perception.types import Boxes3D, Float64
-
-_FLAT_M = 1e-9  # an edge that rises less across the box is level
 
 
 def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
@@ -15,23 +14,13 @@ def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
 
 
 def intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (A, B) the area that lies under both boxes; NaN where a box is.
-
-    Only pairs whose circumscribed circles meet are compared: of all pairs of a frame, few do.
-    """
-    rows, columns = np.nonzero(~(center_distances_m(a, b) > _radii_m(a)[:, None] + _radii_m(b)))
-    shared_m2 = np.zeros((len(a), len(b)))
-    shared_m2[rows, columns] = _shared_m2(a[rows], b[columns])
-    return shared_m2
+    """Return (A, B) the area that lies under both boxes; NaN where a box is."""
+    return shared_areas(_outlines(a), _outlines(b))
 
 
 def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (M,) the area that lies under each box and the one in the same row of b; NaN where a box is."""
-    apart_m = np.linalg.norm(a.bottom_m[:, :2] - b.bottom_m[:, :2], axis=1)
-    are_near = ~(apart_m > _radii_m(a) + _radii_m(b))
-    shared_m2 = np.zeros(len(a))
-    shared_m2[are_near] = _shared_m2(a[are_near], b[are_near])
-    return shared_m2
+    return paired_shared_areas(_outlines(a), _outlines(b))
 
 
 def paired_iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
@@ -62,58 +51,8 @@ def volumes_m3(boxes: Boxes3D) -> Float64:
     return np.asarray(boxes.size_m.prod(axis=1))
 
 
-def _radii_m(boxes: Boxes3D) -> Float64:
-    return np.asarray(np.linalg.norm(boxes.size_m[:, :2], axis=1) / 2)
-
-
-def _shared_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (M,) the area that lies under each box and the one in the same row of b.
-
-    In the frame of box b, seen along its width, box a is a heap of slices: what a slice shares with b
-    is its upper end less its lower one, each clamped to b's sides. The edges of a are these ends, so
-    the area is the sum, over the edges, of the integral of a clamped straight line; each has a closed
-    form, and no polygon has to be cut.
-    """
-    corners = _corners_in(a, b)
-    half_length, half_width = b.size_m[:, :1] / 2, b.size_m[:, 1:2] / 2
-    (x0, y0), (x1, y1) = np.moveaxis(corners, -1, 0), np.moveaxis(np.roll(corners, -1, -2), -1, 0)
-    across = x1 - x0
-    slope = np.divide(y1 - y0, across, out=np.zeros_like(across), where=np.abs(across) > _FLAT_M)
-    left, right = np.clip(x0, -half_length, half_length), np.clip(x1, -half_length, half_length)
-    mean_m = _mean_clamped(y0 + (left - x0) * slope, y0 + (right - x0) * slope, half_width)
-    # Corners run counter-clockwise: the upper ends are met from right to left.
-    shared_m2 = ((left - right) * mean_m).sum(axis=-1)
-    return np.asarray(np.maximum(shared_m2, 0.0))
-
-
-def _corners_in(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (M, 4, 2) corners of each box a, counter-clockwise, along heading and left of box b."""
-    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
-    center = _turned(a.bottom_m[:, :2] - b.bottom_m[:, :2], -b.yaw_rad)
-    reach = signs * a.size_m[:, None, :2]
-    turn_rad = a.yaw_rad - b.yaw_rad
-    return center[:, None] + _turned(reach, turn_rad[:, None])
-
-
-def _turned(xy: Float64, angle_rad: Float64) -> Float64:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y = xy[..., 0], xy[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-
-
-def _mean_clamped(start: Float64, end: Float64, limit: Float64) -> Float64:
-    """Return the mean of clamp(y, -limit, limit) for y from start to end."""
-    rise = end - start
-    is_level = np.abs(rise) <= _FLAT_M
-    level = np.clip((start + end) / 2, -limit, limit)
-    area = _clamped_integral(end, limit) - _clamped_integral(start, limit)
-    return np.where(is_level, level, area / np.where(is_level, 1.0, rise))
-
-
-def _clamped_integral(y: Float64, limit: Float64) -> Float64:
-    """Return the integral of clamp(y, -limit, limit) from 0 to y."""
-    inside = np.minimum(np.abs(y), limit)
-    return np.asarray(inside**2 / 2 + limit * (np.abs(y) - inside))
+def _outlines(boxes: Boxes3D) -> Float64:
+    return np.column_stack([boxes.bottom_m[:, :2], boxes.size_m[:, :2], boxes.yaw_rad])
 
 
 def iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:

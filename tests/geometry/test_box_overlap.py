@@ -112,6 +112,13 @@ def test_boxes_without_area_have_no_overlap():
             assert iou_bev(a, b)[0, 0] == iou_bev(b, a)[0, 0] == 0.0
 
 
+def test_boxes_apart_share_exactly_nothing():
+    rng = np.random.default_rng(11)
+    a, b = random_boxes(300, rng), random_boxes(300, rng)
+    cut = np.array([shared_volume(*(prism(one[[row]]) for one in (a, b))) for row in range(300)])
+    assert (paired_intersection_areas_m2(a, b)[cut == 0] == 0).all()
+
+
 def test_no_boxes_give_an_empty_table():
     assert iou_bev(Boxes3D.empty(), box(0, 0, 4, 2)).shape == (0, 1)
     assert iou_bev(box(0, 0, 4, 2), Boxes3D.empty()).shape == (1, 0)
