@@ -6,7 +6,7 @@ from perception.geometry.se3 import wrap
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64
 
 # Corner signs along heading, left, up. Bottom face counter-clockwise from front left, then the top face.
-_CORNERS = np.array(
+CORNERS = np.array(
     [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]
 ) * (0.5, 0.5, 1.0)
 # Pairs of corners: around the bottom, around the top, and upright.
@@ -37,7 +37,7 @@ def usual_observation_angles_rad(boxes_px: Float64, camera: Calibration) -> Floa
 
 def corners(boxes: Boxes3D) -> Float64:
     """Return (M, 8, 3) corners: the bottom face counter-clockwise from front left, then the top."""
-    local = _CORNERS[None] * boxes.size_m[:, None]
+    local = CORNERS[None] * boxes.size_m[:, None]
     cos, sin = np.cos(boxes.yaw_rad)[:, None], np.sin(boxes.yaw_rad)[:, None]
     x = cos * local[..., 0] - sin * local[..., 1]
     y = sin * local[..., 0] + cos * local[..., 1]

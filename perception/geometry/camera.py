@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.boxes import EDGES, corners
+from perception.geometry.boxes import CORNERS, EDGES
+from perception.kernels.box_outlines import box_outlines
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
 
 
@@ -116,18 +117,10 @@ def box_outlines_px(
         size_px: (width, height) of the image, or (M, 2), to whose borders the rectangles are clipped as labels
             are; None for an image without borders.
     """
-    turned = np.swapaxes(image_P_velo[..., :3], -1, -2)
-    homogeneous = corners(boxes_velo) @ turned + image_P_velo[..., None, :, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = homogeneous[..., :2] / homogeneous[..., 2:]
-        outlines = np.hstack([pixels.min(axis=1), pixels.max(axis=1)])
-    # The edges of the others are cut in front of the camera.
-    is_ahead = homogeneous[..., 2] >= NEAREST_M
-    outlines[~is_ahead.any(axis=1)] = np.nan
-    cut = np.flatnonzero(is_ahead.any(axis=1) & ~is_ahead.all(axis=1))
-    seen = project_segments(np.eye(3, 4), homogeneous[cut][:, EDGES].reshape(-1, 2, 3))
-    outlines[cut] = outlines_px(seen.ends_px, seen.rows // len(EDGES), len(cut))
+    boxes = np.column_stack([boxes_velo.bottom_m, boxes_velo.size_m, boxes_velo.yaw_rad])
+    limits_px = np.array([[-np.inf, -np.inf, np.inf, np.inf]])
     if size_px is not None:
-        outlines = np.clip(outlines, 0, np.tile(np.subtract(size_px, 1), 2))
-    is_there = (outlines[:, 2:] > outlines[:, :2]).all(axis=1, keepdims=True)
-    return np.where(is_there, outlines, np.nan)
+        highest_px = np.atleast_2d(np.subtract(size_px, 1.0))
+        limits_px = np.hstack([np.zeros_like(highest_px), highest_px])
+    projections = np.ascontiguousarray(image_P_velo.reshape(-1, 3, 4), np.float64)
+    return box_outlines(boxes, projections, limits_px, CORNERS, EDGES, NEAREST_M)
