@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.kernels.compiled import WHOLE, array_of, compiled, written
-from perception.types import Int
+from perception.types import Bool, Int
 
 
 @compiled((written(WHOLE), WHOLE))
@@ -44,3 +44,23 @@ def connected_parts(count: int, first: Int, second: Int) -> Int:
         # The first node of a part is its root.
         parents[max(one, other)] = min(one, other)
     return tree_numbers(parents)
+
+
+@compiled((array_of(np.bool_, 2), array_of(WHOLE)))
+def leaders_of(is_same: Bool, order: Int) -> Int:
+    """Return the (N,) leader of each node: the first in an order that leads and is the same, or the node itself, which leads.
+
+    Args:
+        is_same: (N, N) whether a node is the same as another one.
+        order: (N,) nodes, best first.
+    """
+    leader_of, leading, count = np.arange(len(order)), np.empty(len(order), np.int64), 0
+    for node in order:
+        for leader in leading[:count]:
+            if is_same[node, leader]:
+                leader_of[node] = leader
+                break
+        if leader_of[node] == node:
+            leading[count] = node
+            count += 1
+    return leader_of

@@ -34,9 +34,7 @@ def assign_hungarian(costs: Float64, is_allowed: Bool) -> Association:
     """
     # One forbidden pair costs more than all allowed ones together.
     forbidden = 1.0 + 2.0 * min(costs.shape) * float(costs[is_allowed].max(initial=0.0))
-    tracks, detections = minimum_cost_pairs(np.where(is_allowed, costs, forbidden))
-    kept = is_allowed[tracks, detections]
-    return _association(tracks[kept], detections[kept], costs.shape)
+    return _associated(costs, is_allowed, forbidden)
 
 
 def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> Association:
@@ -50,10 +48,7 @@ def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> A
         is_allowed: (T, D) whether a pair passed the gate.
         max_cost: Cost of a pair at and above which both stay unmatched.
     """
-    is_worthwhile = is_allowed & (costs < max_cost)
-    tracks, detections = minimum_cost_pairs(np.where(is_worthwhile, costs, max_cost))
-    kept = is_worthwhile[tracks, detections]
-    return _association(tracks[kept], detections[kept], costs.shape)
+    return _associated(costs, is_allowed & (costs < max_cost), max_cost)
 
 
 def assign_sure_first(
@@ -99,6 +94,17 @@ def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
             is_matched.add(track)
     detections, tracks = np.array(list(taken.items()), np.int64).reshape(-1, 2).T
     return _association(tracks, detections, distances.shape)
+
+
+def _associated(costs: Float64, is_allowed: Bool, other_cost: float) -> Association:
+    """Match allowed pairs at the minimum sum of costs, where all others have one cost; most rows and columns have no other."""
+    rows, columns = (np.flatnonzero(is_allowed.any(axis=axis)) for axis in (1, 0))
+    is_pair = is_allowed[np.ix_(rows, columns)]
+    of_rows, of_columns = minimum_cost_pairs(
+        np.where(is_pair, costs[np.ix_(rows, columns)], other_cost)
+    )
+    kept = is_pair[of_rows, of_columns]
+    return _association(rows[of_rows[kept]], columns[of_columns[kept]], costs.shape)
 
 
 def _association(tracks: Int, detections: Int, shape: tuple[int, ...]) -> Association:

@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px, paired_iou_px
+from perception.kernels.graphs import leaders_of
 from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from perception.tracking.vehicles.track_update import expected_boxes_px
 from perception.tracking.vehicles.vehicle_table import VehicleTable
@@ -37,14 +38,8 @@ def find_leaders(is_same: Bool, quality: Float64) -> Int:
         is_same: (N, N) whether a row shows the object of another one.
         quality: (N,) quality of each; of equal ones the first is better.
     """
-    leader_of = np.arange(len(quality))
-    is_leader = np.zeros(len(quality), bool)
     order = np.argsort(-quality, kind="stable")
-    for row in order.tolist():
-        better = order[(is_same[row] & is_leader)[order]]
-        leader_of[row] = better[0] if len(better) else row
-        is_leader[row] = not len(better)
-    return leader_of
+    return leaders_of(np.ascontiguousarray(is_same), order)
 
 
 def covered(observations: VehicleObservations, others: VehicleObservations) -> Bool:
