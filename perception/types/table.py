@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Annotated, Any, Final, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -48,11 +49,11 @@ class ArrayTable:
 
     def __post_init__(self) -> None:
         """Validate the lengths and the stated shapes of all columns."""
-        columns = _columns(type(self))
-        length = len(getattr(self, columns[0].name))
+        columns, given = _columns(type(self)), self.__dict__
+        length = len(given[columns[0].name])
         for column in columns:
-            values = getattr(self, column.name)
-            if len(values) != length or (column.row is not None and values.shape[1:] != column.row):
+            values, row = given[column.name], column.row
+            if len(values) != length or (row is not None and values.shape[1:] != row):
                 raise PerceptionError(
                     f"{type(self).__name__}.{column.name}",
                     expected=f"shape {(length, *(column.row or ()))}",
@@ -61,13 +62,12 @@ class ArrayTable:
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(getattr(self, _columns(type(self))[0].name))
+        return len(self.__dict__[_columns(type(self))[0].name])
 
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the rows of a mask, of indices, or of a slice; shared fields stay."""
-        return self._with(
-            {column.name: getattr(self, column.name)[rows] for column in _columns(type(self))}
-        )
+        given = self.__dict__
+        return self._with({one.name: given[one.name][rows] for one in _columns(type(self))})
 
     @classmethod
     def empty(cls, **shared: Any) -> Self:  # noqa: ANN401 - values of any field
@@ -159,22 +159,18 @@ class _Layout:
     shared: tuple[str, ...]
 
 
+@cache
 def _layout(table: type[ArrayTable]) -> _Layout:
     """Return the fields of a table by their annotations."""
-    if table not in _LAYOUTS:
-        columns = tuple(_read_columns(table))
-        names = {column.name for column in columns}
-        shared = tuple(field.name for field in fields(table) if field.name not in names)
-        _LAYOUTS[table] = _Layout(columns, shared)
-    return _LAYOUTS[table]
+    columns = tuple(_read_columns(table))
+    names = {column.name for column in columns}
+    shared = tuple(field.name for field in fields(table) if field.name not in names)
+    return _Layout(columns, shared)
 
 
 def _columns(table: type[ArrayTable]) -> tuple[_Column, ...]:
     """Return the columns of a table by the annotations of its fields."""
     return _layout(table).columns
-
-
-_LAYOUTS: dict[type[ArrayTable], _Layout] = {}
 
 
 def _read_columns(table: type[ArrayTable]) -> Iterator[_Column]:

@@ -11,7 +11,7 @@ Example: rgb 0 overlaps dm 0 and dm 1, dm 1 more than dm 0; rm 0 overlaps none:
 import numpy as np
 
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.kernels.assignment import minimum_cost_pairs
+from perception.tracking.association import assign_with_max_cost
 from perception.types import MODALITIES, Float64, Int
 
 _MIN_ERROR = 0.02  # smallest error of a box; labels are no better
@@ -38,10 +38,9 @@ def matched_boxes(scene: DetectedScene, min_iou: float) -> Int:
     for column in range(len(MODALITIES)):
         boxes = np.flatnonzero(merged.columns == column)
         gains = overlap[:, boxes][places].max(axis=1)
-        rows, matched = minimum_cost_pairs(-gains)
-        is_match = gains[rows, matched] > 0
-        places[rows[is_match], column] = boxes[matched[is_match]]
-        left = np.delete(boxes, matched[is_match])
+        pairs = assign_with_max_cost(-gains, gains > 0, 0.0)
+        places[pairs.tracks, column] = boxes[pairs.detections]
+        left = boxes[pairs.unmatched_detections]
         alone = np.full((len(left), len(MODALITIES)), -1)
         alone[:, column] = left
         places = np.vstack([places, alone])

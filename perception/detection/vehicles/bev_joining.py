@@ -58,13 +58,13 @@ def join_bev(
         searched: Probability that the detector works in each image that was searched, by the number of its camera.
     """
     rows, of_bev = find_pairs(vehicles, found, frame)
-    found_m2, own_m2 = spreads_m2(found.select(of_bev)), spreads_m2(vehicles.select(rows))
-    is_better = _INFLATION**2 * found_m2 < own_m2
+    seen = found.select(of_bev)
+    is_better = _INFLATION**2 * spreads_m2(seen) < spreads_m2(vehicles)[rows]
     works = np.array([searched.get(camera, 0.0) for camera in range(len(frame.views))])
-    joined = _joined(vehicles, found, rows, of_bev, is_better)
-    joined = _raised(joined, rows, found.select(of_bev), unseen_odds(works[vehicles.cameras[rows]]))
+    joined = _joined(vehicles, seen, rows, is_better)
+    joined = _raised(joined, rows, seen, unseen_odds(works[vehicles.cameras[rows]]))
     left = np.setdiff1d(np.arange(len(found)), of_bev)
-    left = left[~are_covered(found.select(left), joined)]
+    left = left[~are_covered(found, joined)[left]]
     rest = found.select(left)
     is_expected = (rest.cameras >= 0) & ~np.isin(rest.bev_types, _UNKNOWN_IN_IMAGES)
     unseen = unseen_odds(np.where(is_expected, works[rest.cameras], 0.0))
@@ -81,7 +81,7 @@ def join_bev(
 
 def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> tuple[Int, Int]:
     """Return (P,) rows of V vehicles and of M of the bird's-eye view that are one, those that surely exist paired first."""
-    overlap_px, is_as_far = (np.zeros((len(vehicles), len(found))) for _ in range(2))
+    overlap_px, focals_px = np.zeros((len(vehicles), len(found))), np.ones(len(vehicles))
     for camera in np.unique(vehicles.cameras).tolist():
         rows = np.flatnonzero(vehicles.cameras == camera)
         calibration, size_px = camera_of(frame.views[camera])
@@ -89,11 +89,13 @@ def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> tuple[Int, 
         outlines_px = box_outlines_px(geometry.image_P_velo, found.boxes, size_px)
         boxes_px = vehicles.fused.detections.boxes_px[rows]
         overlap_px[rows] = iou_px(boxes_px, np.nan_to_num(outlines_px))
-        is_as_far[rows] = _are_as_far(vehicles.select(rows), found, geometry)
+        focals_px[rows] = geometry.focal_px
     overlap = np.nan_to_num(iou_bev(vehicles.boxes, found.boxes))
     types, others = vehicles.fused.detections.types, found.fused.detections.types
     is_alike = SizePriors.of(types).has_sides[:, None] == SizePriors.of(others).has_sides
-    is_same = (overlap >= _MIN_IOU) | ((overlap_px >= _MIN_IOU_PX) & (is_as_far > 0))
+    is_same = (overlap >= _MIN_IOU) | (
+        (overlap_px >= _MIN_IOU_PX) & _are_as_far(vehicles, found, focals_px)
+    )
     is_same &= is_alike & _are_leading(vehicles)[:, None]
     existence = vehicles.fused.existence
     costs = _MAX_COST - np.maximum(overlap_px, overlap) - existence[:, None]
@@ -114,12 +116,12 @@ def _are_leading(vehicles: Vehicles) -> Bool:
     return np.asarray(leaders == np.arange(len(leaders)))
 
 
-def _are_as_far(vehicles: Vehicles, found: Vehicles, camera: FrameGeometry) -> Bool:
-    """Return (V, M) whether vehicles in an image are as far along the ray as objects seen from above."""
+def _are_as_far(vehicles: Vehicles, found: Vehicles, focals_px: Float64) -> Bool:
+    """Return (V, M) whether vehicles in images of (V,) focal lengths are as far along the ray as objects seen from above."""
     is_located = np.isfinite(vehicles.boxes.yaw_rad)
     boxes_px = vehicles.fused.detections.boxes_px
     heights_px = np.maximum(boxes_px[:, 3] - boxes_px[:, 1], 1.0)
-    assumed_m = camera.focal_px * ASSUMED_HEIGHT_M / heights_px
+    assumed_m = focals_px * ASSUMED_HEIGHT_M / heights_px
     located_m, found_m = (
         np.linalg.norm(one.boxes.bottom_m[:, :2], axis=1) for one in (vehicles, found)
     )
@@ -141,11 +143,9 @@ def spreads_m2(vehicles: Vehicles) -> Float64:
     return np.asarray(np.nan_to_num(places_m2 + (ends_m**2).sum(axis=1), nan=np.inf))
 
 
-def _joined(
-    vehicles: Vehicles, found: Vehicles, rows: Int, of_bev: Int, is_better: Bool
-) -> Vehicles:
+def _joined(vehicles: Vehicles, seen: Vehicles, rows: Int, is_better: Bool) -> Vehicles:
     """Return V vehicles, those of some rows with the evidence and, where it is better, the box of objects from above."""
-    own, seen = vehicles.select(rows), found.select(of_bev)
+    own, own_deviations = vehicles.boxes[rows], vehicles.box_deviations[rows]
     odds, evidence = log_odds(seen.fused.detections.scores, LEAST), np.zeros((2, len(vehicles)))
     constants = (_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE)
     for row, (share, constant) in zip(evidence, constants, strict=True):
@@ -158,11 +158,11 @@ def _joined(
     bev_types = np.full(len(vehicles), "", seen.bev_types.dtype)
     bev_types[rows] = seen.bev_types
     # Which end is the front says the surer one, whichever box is taken.
-    is_surer = seen.box_deviations.reversal < own.box_deviations.reversal
-    ahead_rad = seen.boxes.yaw_rad + wrap(own.boxes.yaw_rad - seen.boxes.yaw_rad, np.pi)
-    boxes = replace(own.boxes, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.boxes.yaw_rad))
-    reversal = np.where(is_surer, seen.box_deviations.reversal, own.box_deviations.reversal)
-    deviations = replace(own.box_deviations, reversal=reversal)
+    is_surer = seen.box_deviations.reversal < own_deviations.reversal
+    ahead_rad = seen.boxes.yaw_rad + wrap(own.yaw_rad - seen.boxes.yaw_rad, np.pi)
+    boxes = replace(own, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.yaw_rad))
+    reversal = np.where(is_surer, seen.box_deviations.reversal, own_deviations.reversal)
+    deviations = replace(own_deviations, reversal=reversal)
     return replace(
         _with_evidence(vehicles, *evidence),
         boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),

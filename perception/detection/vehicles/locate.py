@@ -101,9 +101,11 @@ def locate(
     places = np.arange(count)
     places[likely] = likely[leaders]
     types = classes_by_height(detections, boxes.size_m[:, 2], places)
-    other = observed[np.flatnonzero(types[observed.rows] != detections.types[observed.rows])]
-    other = replace(other, sizes=SizePriors.of(types[other.rows]))
-    boxes = boxes.replaced(other.rows, _fit_boxes(other, camera, config))
+    renamed = np.flatnonzero(types[observed.rows] != detections.types[observed.rows])
+    if len(renamed):
+        other = observed[renamed]
+        other = replace(other, sizes=SizePriors.of(types[other.rows]))
+        boxes = boxes.replaced(other.rows, _fit_boxes(other, camera, config))
     sizes, counts = SizePriors.of(types), np.bincount(found.owners, minlength=count)
     rows = np.flatnonzero(np.isfinite(boxes.yaw_rad))
     unmoved = np.zeros(len(rows), bool)
@@ -194,5 +196,7 @@ def fit_outlines(samples_m: Float64, sizes: SizePriors, spans: ImageSpans) -> Re
     """
     vehicles, people = np.flatnonzero(sizes.has_sides), np.flatnonzero(~sizes.has_sides)
     outlines = fit_rectangles(samples_m[vehicles], sizes[vehicles], spans[vehicles])
+    if not len(people):
+        return outlines
     bodies = fit_bodies(samples_m[people], sizes[people])
     return outlines.joined(bodies)[np.argsort(np.concatenate([vehicles, people]))]
