@@ -26,19 +26,25 @@ def _mean_clamped(start: float, end: float, limit: float) -> float:
     return float(area / (end - start))
 
 
-@compiled((_RECTANGLES, WHOLE, _RECTANGLES, WHOLE))
-def shared_area(a: Float64, row: int, b: Float64, other: int) -> float:
+@compiled((_RECTANGLES,))
+def _radii(rectangles: Float64) -> Float64:
+    """Return the (M,) radii of the circles around (M, 5) rectangles."""
+    return np.sqrt(rectangles[:, 2] ** 2 + rectangles[:, 3] ** 2) / 2
+
+
+@compiled((_RECTANGLES, WHOLE, _RECTANGLES, WHOLE, NUMBER))
+def _shared_area(a: Float64, row: int, b: Float64, other: int, reach: float) -> float:
     """Return the area that lies under a rectangle of (A, 5) and one of (B, 5); NaN where one is.
 
     In the frame of b, seen along its width, a is a heap of slices: what a slice shares with b is its upper end less its
     lower one, each clamped to b's sides. The edges of a are these ends, so the area is the sum, over the edges, of the
-    integral of a clamped straight line; each has a closed form, and no polygon has to be cut.
+    integral of a clamped straight line; each has a closed form, and no polygon has to be cut. Circles around them that do
+    not meet, at the sum of their radii, decide most pairs.
     """
     x, y = a[row, 0] - b[other, 0], a[row, 1] - b[other, 1]
-    reach = np.hypot(a[row, 2], a[row, 3]) / 2 + np.hypot(b[other, 2], b[other, 3]) / 2
-    apart = np.hypot(x, y)
-    if not apart <= reach:
-        return 0.0 if apart > reach else np.nan
+    apart2 = x * x + y * y
+    if not apart2 <= reach * reach:
+        return 0.0 if apart2 > reach * reach else np.nan
     cos, sin = np.cos(b[other, 4]), np.sin(b[other, 4])
     x, y = cos * x + sin * y, cos * y - sin * x
     half_length, half_width = b[other, 2] / 2, b[other, 3] / 2
@@ -62,17 +68,17 @@ def shared_area(a: Float64, row: int, b: Float64, other: int) -> float:
 @compiled((_RECTANGLES, _RECTANGLES))
 def shared_areas(a: Float64, b: Float64) -> Float64:
     """Return (A, B) the areas that lie under both of (A, 5) and (B, 5) rectangles x, y, length, width, heading."""
-    areas = np.empty((len(a), len(b)))
+    areas, of_a, of_b = np.empty((len(a), len(b))), _radii(a), _radii(b)
     for row in range(len(a)):
         for other in range(len(b)):
-            areas[row, other] = shared_area(a, row, b, other)
+            areas[row, other] = _shared_area(a, row, b, other, of_a[row] + of_b[other])
     return areas
 
 
 @compiled((_RECTANGLES, _RECTANGLES))
 def paired_shared_areas(a: Float64, b: Float64) -> Float64:
     """Return (M,) the area that lies under each rectangle and the one in the same row of b."""
-    areas = np.empty(len(a))
+    areas, reaches = np.empty(len(a)), _radii(a) + _radii(b)
     for row in range(len(a)):
-        areas[row] = shared_area(a, row, b, row)
+        areas[row] = _shared_area(a, row, b, row, reaches[row])
     return areas

@@ -123,7 +123,8 @@ def _of_names(
 
     A name that only other detectors give is that of its class.
     """
-    given, rows = np.unique(names, return_inverse=True)
+    words = names.tolist()
+    row_of = {name: row for row, name in enumerate(dict.fromkeys(words))}
     known = {name for one in percent.values() for name in one}
     found = np.array(
         [
@@ -133,10 +134,11 @@ def _of_names(
                 else 100 * (name == kind)
                 for kind in classes.tolist()
             ]
-            for name in given.tolist()
+            for name in row_of
         ],
         np.float64,
-    ).reshape(len(given), len(classes))
+    ).reshape(len(row_of), len(classes))
     shares = (1 - _RANDOM_SHARE) * found / 100 + _RANDOM_SHARE / len(known)
-    shares[given == ""] = 1.0
-    return np.asarray(np.log(shares)[rows])
+    if "" in row_of:
+        shares[row_of[""]] = 1.0
+    return np.asarray(np.log(shares)[[row_of[name] for name in words]])

@@ -181,8 +181,10 @@ def _seen_on_ground(
     elapsed_s: float,
 ) -> VehicleTable:
     """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
-    distances = np.diagonal(position_distances(tracks, observations))
-    is_expected = tracks.is_located & (distances <= motion_model.GATE)
+    centers_m, noise = observations.boxes_world.bottom_m[:, None, :2], observations.noise[:, None]
+    distances = motion_model.squared_distances(tracks, centers_m, noise)[:, 0]
+    both = tracks.is_located & observations.is_located
+    is_expected = both & (distances <= motion_model.GATE)
     is_lost = frame.stamp_s - elapsed_s - tracks.last_located_s > RELOCATE_AFTER_S
     relocated = np.flatnonzero(
         observations.is_located & ~is_expected & (is_lost | ~tracks.is_located)
