@@ -107,7 +107,8 @@ def _compare_with_revision(
     from data.results.documents import describe_machine
 
     with _on_disk(drive, source, frames) as path:
-        table = compare_with_revision(revision, path, frames, source.sequence, source.sensor)
+        words = (source.sequence, source.sensor, source.camera)
+        table = compare_with_revision(revision, path, frames, words)
     machine = describe_machine()
     _print(f"{table.text()}\non {machine}")
     if report.has_files:

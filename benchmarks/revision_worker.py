@@ -1,7 +1,7 @@
 """The pipeline of one source tree in a process of its own, measured in processor time; see `revisions.py`.
 
 Started by its path with another revision's source tree on PYTHONPATH, so it uses only what every revision has:
-`open_drive`, `Pipeline` and `Result.spans`. Each line of its input is a range of frames, `first last`; each line of
+`open_drive`, `OpenConfig`, `Pipeline` and `Result.spans`. Each line of its input is a range of frames, `first last`; each line of
 its output is the JSON document of their times.
 """
 
@@ -16,13 +16,14 @@ SORTED = "sort a million float64"
 FRAME = "all of a frame"
 
 
-def main(path: str, sequence: str, sensor: str) -> None:
+def main(path: str, sequence: str = "", sensor: str = "", camera: str = "") -> None:
     """Answer one range of frames after another, until there are no more.
 
     Args:
         path: Drive, in any layout.
         sequence: Sequence of the drive, empty where it has none.
         sensor: LiDAR model, empty for what the drive states.
+        camera: Cameras, with commas between them, empty for the one that the drive states.
     """
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what is printed is no response
@@ -30,10 +31,12 @@ def main(path: str, sequence: str, sensor: str) -> None:
     time.perf_counter = time.thread_time
     _limit_network_threads()
 
+    from data.layouts import OpenConfig
     from data.open_drive import open_drive
     from perception.pipeline import Pipeline, PipelineConfig
 
-    drive = open_drive(Path(path), sequence=sequence or None, sensor=sensor or None)
+    config = OpenConfig(sensor=sensor or None, camera=camera or None)
+    drive = open_drive(Path(path), sequence=sequence or None, config=config)
     with Pipeline(drive.sensor, PipelineConfig(parallel=False)) as pipeline:
         for line in sys.stdin:
             first, last = map(int, line.split())

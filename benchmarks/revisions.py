@@ -66,7 +66,7 @@ class StageRatio(Metrics):
 
 
 def compare_with_revision(
-    revision: str, drive: Path, frames: int, sequence: str | None = None, sensor: str | None = None
+    revision: str, drive: Path, frames: int, source: Sequence[str | None] = ()
 ) -> Table[StageRatio]:
     """Return the processor time of each stage in this source tree and in another revision.
 
@@ -74,8 +74,7 @@ def compare_with_revision(
         revision: Name of the other revision, as git knows it.
         drive: Drive, in any layout.
         frames: Number of compared frames, after those that warm up.
-        sequence: Sequence of the drive.
-        sensor: LiDAR model; else that which the drive states.
+        source: Sequence of the drive, LiDAR model and cameras; None for what the drive states.
 
     Raises:
         UsageError: There is no such revision, or too few frames.
@@ -83,7 +82,7 @@ def compare_with_revision(
     """
     with ExitStack() as on_exit:
         tree = on_exit.enter_context(source_tree(revision))
-        words = (str(drive.resolve()), sequence or "", sensor or "")
+        words = (str(drive.resolve()), *(word or "" for word in source))
         other = on_exit.enter_context(_RevisionProcess(revision, tree, words))
         this = on_exit.enter_context(_RevisionProcess(THIS_TREE, ROOT, words))
         times: tuple[list[Mapping[str, float]], ...] = ([], [])
@@ -173,7 +172,7 @@ class _RevisionProcess:
         Args:
             name: Name of the revision.
             tree: Source tree.
-            words: Path, sequence and sensor of the drive.
+            words: Path, sequence, sensor and cameras of the drive.
         """
         self._name = name
         worker = Path(__file__).with_name("revision_worker.py")

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from functools import cache
 from typing import Annotated, Any, Final, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -159,18 +158,22 @@ class _Layout:
     shared: tuple[str, ...]
 
 
-@cache
 def _layout(table: type[ArrayTable]) -> _Layout:
     """Return the fields of a table by their annotations."""
-    columns = tuple(_read_columns(table))
-    names = {column.name for column in columns}
-    shared = tuple(field.name for field in fields(table) if field.name not in names)
-    return _Layout(columns, shared)
+    if table not in _LAYOUTS:
+        columns = tuple(_read_columns(table))
+        names = {column.name for column in columns}
+        shared = tuple(field.name for field in fields(table) if field.name not in names)
+        _LAYOUTS[table] = _Layout(columns, shared)
+    return _LAYOUTS[table]
 
 
 def _columns(table: type[ArrayTable]) -> tuple[_Column, ...]:
     """Return the columns of a table by the annotations of its fields."""
     return _layout(table).columns
+
+
+_LAYOUTS: dict[type[ArrayTable], _Layout] = {}
 
 
 def _read_columns(table: type[ArrayTable]) -> Iterator[_Column]:
