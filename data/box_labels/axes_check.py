@@ -1,13 +1,15 @@
-"""Whether the boxes of labels lie where the scans have objects, and if not, as which mistake in their axes they would.
+"""Whether the boxes of labels lie where the scans have objects, and if not, as which mistake in axes or order they would.
 
 The fit of a box is the share of the returns above the ground near it that lie within it: it falls with a wrong place,
-heading, height or unit.
+heading, height, unit or scan.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from data.box_labels.boxes import (
     LabelForm,
@@ -22,17 +24,19 @@ from data.box_labels.label_types import label_type
 from perception.errors import LabelError
 from perception.geometry.boxes import points_inside, transform_boxes
 from perception.geometry.se3 import wrap
-from perception.types import Boxes3D, Float, Float32, Float64, GroundModel
+from perception.types import Boxes3D, Float32, Float64, GroundModel
 
 _ABOVE_M = (0.2, 4.0)  # returns of objects
 _NEAR_M, _MARGIN_M = 0.7, 0.1
 _FEWEST = 3  # boxes, from which axes can be told
-_GAIN, _RATIO = 0.08, 1.25  # of the fit, from which a mistake is named
+# Of the fit of the boxes that a mistake changes: a change, and the mean gain and its deviations (95 %) that name the mistake.
+_CHANGE, _GAIN, _SURE = 0.02, 0.08, 1.65
 _MIN_SHARE = 0.3  # of boxes with a return
 _MAX_BOTTOM_M = 1.0  # middle distance from the ground
 _MAX_TURN_RAD = 2.5 * np.pi + 0.01  # a turn, and a quarter between axes
 _LONG_TYPES = ("Car", "Van", "Truck", "Bus")
 _ADVICE = "export them in metres and rad in the axes of the scans"
+_ORDER_ADVICE = "compare the labels with the scans: frames may be shifted"
 
 
 def _changed(
@@ -62,6 +66,7 @@ _MISTAKES: Mapping[str, Callable[[Float64], Float64]] = {
     "they are in the axes of a camera": _changed(2, 0, 1, signs=(1, -1, -1), turn=(-1, -_QUARTER)).boxes,
     "headings are in degrees": in_degrees,
     "headings are clockwise": _changed(0, 1, 2, turn=(-1, 0)).boxes,
+    "headings are off by a quarter turn": _changed(0, 1, 2, turn=(1, _QUARTER)).boxes,
     "length and width have changed places": along_y,
     "z is that of the bottom": from_bottom,
     "lengths are in millimetres": _scaled(0.001),
@@ -72,21 +77,29 @@ _MISTAKES: Mapping[str, Callable[[Float64], Float64]] = {
 
 @dataclass(frozen=True)
 class LabelledSample:
-    """A scan with its boxes.
+    """Boxes with a scan.
 
     Attributes:
         boxes: M boxes.
-        points_velo: (N, 3) returns.
-        heights_m: (N,) their heights above the ground.
+        points_velo: (N, 3) returns at the heights of objects.
+        tree: Their places on the ground.
         ground: Ground under the scan.
         velo_SE3_file: (4, 4) transform from the axes of the files.
     """
 
     boxes: Sequence[LabelledBox]
     points_velo: Float32
-    heights_m: Float
+    tree: cKDTree
     ground: GroundModel
     velo_SE3_file: Float64
+
+    @classmethod
+    def of_scan(cls, points_velo: Float32, ground: GroundModel, velo_SE3_file: Float64) -> Self:
+        """Return a scan of (N, 3+) returns without boxes."""
+        heights_m = ground.distance_m(points_velo)
+        is_object = (heights_m > _ABOVE_M[0]) & (heights_m < _ABOVE_M[1])
+        objects = points_velo[is_object, :3]
+        return cls((), objects, cKDTree(objects[:, :2]), ground, velo_SE3_file)
 
     def boxes_velo(self, change: Callable[[Float64], Float64]) -> Boxes3D:
         """Return the boxes by a reading."""
@@ -94,14 +107,12 @@ class LabelledSample:
 
     def fits(self, boxes_velo: Boxes3D) -> Float64:
         """Return the (M,) fits of boxes."""
-        is_object = (self.heights_m > _ABOVE_M[0]) & (self.heights_m < _ABOVE_M[1])
-        points, fits = self.points_velo[is_object], np.zeros(len(boxes_velo))
-        for row in range(len(boxes_velo)):
-            offsets_m = points[:, :2] - boxes_velo.bottom_m[row, :2]
-            reach_m = np.hypot(*boxes_velo.size_m[row, :2]) / 2 + _NEAR_M
-            near = points[np.hypot(offsets_m[:, 0], offsets_m[:, 1]) < reach_m]
-            if len(near):
-                fits[row] = points_inside(boxes_velo[row : row + 1], near, _MARGIN_M).mean()
+        fits = np.zeros(len(boxes_velo))
+        reach_m = np.hypot(*boxes_velo.size_m[:, :2].T) / 2 + _NEAR_M
+        near = self.tree.query_ball_point(boxes_velo.bottom_m[:, :2], reach_m)
+        for row in np.flatnonzero([bool(rows) for rows in near]):
+            points = self.points_velo[near[row]]
+            fits[row] = points_inside(boxes_velo[row : row + 1], points, _MARGIN_M).mean()
         return fits
 
 
@@ -117,7 +128,10 @@ def boxes_of(numbers: Float64, velo_SE3_file: Float64) -> Boxes3D:
 
 
 def choose_reading(
-    form: LabelForm, samples: Sequence[LabelledSample], renamed: Mapping[str, str]
+    form: LabelForm,
+    samples: Sequence[LabelledSample],
+    renamed: Mapping[str, str],
+    reordered: Mapping[str, Sequence[LabelledSample]],
 ) -> Reading:
     """Return the reading of a form that fits the scans best.
 
@@ -125,9 +139,10 @@ def choose_reading(
         form: Form of the labels.
         samples: Some labelled scans.
         renamed: Other names for classes.
+        reordered: The same boxes with the scans that are theirs by each mistake in the order of frames.
 
     Raises:
-        LabelError: Boxes lie where the scans have no objects, or as if a mistake had been made in their axes.
+        LabelError: Boxes lie where the scans have no objects, or as if a mistake had been made.
     """
     boxes = [box for one in samples for box in one.boxes]
     numbers = numbers_of_boxes(boxes)
@@ -142,7 +157,12 @@ def choose_reading(
     scores = [of_one.sum() - len(boxes) * wide for of_one, wide in zip(fits, are_wide, strict=True)]
     best = int(np.argmax(scores))
     if len(boxes) >= _FEWEST:
-        _require_fit(form, possible[best], samples, fits[best], is_wide=are_wide[best])
+        if are_wide[best]:
+            expected, what = "vehicles longer than wide", "length and width have changed places"
+            raise LabelError(
+                boxes[0].where, expected=expected, found=f"boxes as if {what}", advice=_ADVICE
+            )
+        _require_fit(form, possible[best], samples, fits[best], reordered)
     return possible[best]
 
 
@@ -171,32 +191,28 @@ def _require_fit(
     reading: Reading,
     samples: Sequence[LabelledSample],
     fits: Float64,
-    *,
-    is_wide: bool,
+    reordered: Mapping[str, Sequence[LabelledSample]],
 ) -> None:
     """Validate the (M,) fits of the boxes of some scans by a reading."""
     boxes = [box for one in samples for box in one.boxes]
-    if is_wide:
-        expected, what = "vehicles longer than wide", "length and width have changed places"
-        raise LabelError(
-            boxes[0].where, expected=expected, found=f"boxes as if {what}", advice=_ADVICE
-        )
     better = {what: _fits(samples, reading.boxes, change) for what, change in _MISTAKES.items()}
+    better |= {what: _fits(others, reading.boxes) for what, others in reordered.items()}
     what = max(better, key=lambda one: better[one].mean())
-    gain, best = better[what] - fits, better[what].mean()
+    gain = better[what] - fits
+    is_changed, advice = np.abs(gain) > _CHANGE, _ORDER_ADVICE if what in reordered else _ADVICE
     expected = f"boxes of {form.name} around the returns of objects"
-    if best > fits.mean() + _GAIN and best > _RATIO * fits.mean():
-        found = f"{fits.mean():.0%} of the returns near them inside, and {best:.0%} as if {what}"
-        raise LabelError(
-            boxes[int(gain.argmax())].where, expected=expected, found=found, advice=_ADVICE
-        )
+    if is_changed.any() and gain[is_changed].mean() > max(
+        _GAIN, _SURE * np.sqrt((gain[is_changed] ** 2).sum()) / is_changed.sum()
+    ):
+        share, best = fits[is_changed].mean(), better[what][is_changed].mean()
+        found = f"{share:.0%} of the returns near them inside, and {best:.0%} as if {what}"
+        where = boxes[int(gain.argmax())].where
+        raise LabelError(where, expected=expected, found=found, advice=advice)
     share, bottom_m = (fits > 0).mean(), _middle_bottom_m(samples, reading)
     if share < _MIN_SHARE:
         found = f"{share:.0%} of {len(boxes)} boxes with returns"
-        advice = "compare the labels with the scans: frames may be shifted"
-        raise LabelError(
-            boxes[int(fits.argmin())].where, expected=expected, found=found, advice=advice
-        )
+        where = boxes[int(fits.argmin())].where
+        raise LabelError(where, expected=expected, found=found, advice=_ORDER_ADVICE)
     if abs(bottom_m) > _MAX_BOTTOM_M:
         found = f"bottoms {abs(bottom_m):.1f} m {'above' if bottom_m > 0 else 'below'} it"
         raise LabelError(

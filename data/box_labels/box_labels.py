@@ -1,7 +1,7 @@
 """Labels of a drive as a tool wrote them: joined to the scans, validated, and read in the axes of the LiDAR."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -16,7 +16,7 @@ from data.folder.drive import FolderDrive
 from data.labelled_objects import labels_of_boxes
 from data.reflectance import sample_indices
 from perception.detection.bev.bev_map import BevGrid, BevMapper
-from perception.errors import LabelError
+from perception.errors import LabelError, PerceptionError
 from perception.types import Float64, Int, Labels
 
 Made = TypeVar("Made")
@@ -133,18 +133,40 @@ class BoxLabels:
 
     @cached_property
     def _reading(self) -> Reading | LabelError:
-        return _outcome(lambda: choose_reading(self.form, list(self._samples()), self.classes))
+        return _outcome(self._choose)
 
-    def _samples(self) -> Iterator[LabelledSample]:
-        mapper, names = BevMapper(self.drive.sensor, BevGrid()), self.drive.scans.names
-        labelled = [index for index, name in enumerate(names) if _known(self._boxes).get(name)]
-        for place in sample_indices(len(labelled), _SAMPLES):
-            index = labelled[place]
+    def _choose(self) -> Reading:
+        boxes = [_known(self._boxes).get(name) or () for name in self.drive.scans.names]
+        labelled = [index for index, ones in enumerate(boxes) if ones]
+        places = sample_indices(len(labelled), _SAMPLES)
+        indices = [labelled[place] for place in places]
+        mirrored = [labelled[-1 - place] for place in places]
+        mapper = BevMapper(self.drive.sensor, BevGrid())
+        near = {index + step for index in indices for step in (-1, 0, 1)}
+        used = near.union(mirrored).intersection(range(len(boxes)))
+        scans = {index: one for index in used if (one := self._scan(index, mapper))}
+
+        def samples(others: Iterable[int]) -> list[LabelledSample]:
+            """Return the boxes of each frame with another scan, with their own where there is no such."""
+            pairs = zip(indices, others, strict=True)
+            kept = [(index, other) for index, other in pairs if index in scans]
+            return [replace(scans.get(k, scans[index]), boxes=boxes[index]) for index, k in kept]
+
+        reordered = {
+            "they belong to the scan before": samples(index - 1 for index in indices),
+            "they belong to the scan after": samples(index + 1 for index in indices),
+            "their order is reversed": samples(mirrored),
+        }
+        return choose_reading(self.form, samples(indices), self.classes, reordered)
+
+    def _scan(self, index: int, mapper: BevMapper) -> LabelledSample | None:
+        """Return a scan; None of a damaged one, which is met where the frame is read."""
+        try:
             points_velo = self.drive.scan(index).points_velo
-            ground = mapper.ground(points_velo)
-            heights_m = ground.distance_m(points_velo)
-            transform, boxes = self.drive.velo_SE3_file(index), _known(self._boxes)[names[index]]
-            yield LabelledSample(boxes, points_velo, heights_m, ground, transform)
+        except PerceptionError:
+            return None
+        transform = self.drive.velo_SE3_file(index)
+        return LabelledSample.of_scan(points_velo, mapper.ground(points_velo), transform)
 
 
 def _outcome(make: Callable[[], Made]) -> Made | LabelError:

@@ -136,6 +136,8 @@ MISTAKES = {
     "x and y have changed places": place(lambda x, y, z, h, s: (y, x, z, np.pi / 2 - h)),
     "y is right": place(lambda x, y, z, h, s: (x, -y, z, -h)),
     "in the axes of a camera": place(lambda x, y, z, h, s: (-y, -z, x, -h - np.pi / 2)),
+    "headings are clockwise": place(lambda x, y, z, h, s: (x, y, z, -h)),
+    "off by a quarter turn": place(lambda x, y, z, h, s: (x, y, z, h + np.pi / 2)),
     "z is that of the bottom": place(lambda x, y, z, h, s: (x, y, z - s["z"] / 2, h)),
     "lengths are in centimetres": lambda document: [
         one["psr"][part].update({axis: 100 * value for axis, value in one["psr"][part].items()})
@@ -153,6 +155,31 @@ def test_a_mistake_in_the_axes_is_named(name, drive_folder):
         rewrite(root, MISTAKES[name], f"{frame:06d}.json")
     with fault(LabelError, "json object", "around the returns", name, "in the axes of the scans"):
         labels_at(root)
+
+
+ORDERS = {
+    "they belong to the scan before": lambda frame: max(frame - 1, 0),
+    "they belong to the scan after": lambda frame: min(frame + 1, 7),
+    "their order is reversed": lambda frame: 7 - frame,
+}
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_a_mistake_in_the_order_of_frames_is_named(name, drive_folder):
+    root = drive_folder(frames=8)
+    for frame in range(8):
+        rows = [writers.psr(one) for one in objects_of(ORDERS[name](frame))]
+        writers._write(root / f"labels/{frame:06d}.json", rows)
+    with fault(LabelError, "json object", "around the returns", name, "frames may be shifted"):
+        labels_at(root)
+
+
+def test_a_damaged_scan_tells_nothing_of_the_labels(drive_folder):
+    root = drive_folder(frames=8)
+    writers.sustechpoints(root, 8)
+    for frame in (0, 4):
+        (root / f"lidar/{frame:06d}.npy").write_bytes(b"cut")
+    assert len(labels_at(root, 1)) == 4
 
 
 def test_labels_of_other_frames_are_noticed(drive_folder):
