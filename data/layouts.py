@@ -1,12 +1,13 @@
 """What a layout is: a way in which drives lie on disk, and how it is recognised and opened."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from data.recorded_drive import RecordedDrive
 from perception.errors import UsageError
 from perception.sensor import HDL_64E, LidarModel, load_sensor
+from perception.types import Progress
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class OpenConfig:
         columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.
         start: Number of frames at the start of the drive that are left out.
         every: Step from frame to frame: 5 takes every fifth.
+        progress: Progress bar over the frames of a drive that is read before its first frame.
     """
 
     sensor: str | None = None
@@ -38,6 +40,7 @@ class OpenConfig:
     columns: tuple[str, ...] = ()
     start: int = 0
     every: int = 1
+    progress: Progress = field(default=iter, compare=False)
 
     def __post_init__(self) -> None:
         """Validate the full scale of reflectance, the columns, the start and the step."""

@@ -7,7 +7,7 @@ parked; without poses each scan is on its own.
 import logging
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -30,7 +30,7 @@ from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.types import Boxes3D, Float64, Int, Labels, PointTruth
+from perception.types import Boxes3D, Float64, Int, Labels, PointTruth, Progress
 
 log = logging.getLogger(__name__)
 _TYPES = {10: "Car", 11: "Bicycle", 13: "Bus", 15: "Motorcycle", 16: "Tram", 18: "Truck", 20: "Misc",
@@ -54,9 +54,11 @@ class InstanceBoxes:
 
     Attributes:
         drive: The whole drive, without labels of boxes.
+        progress: Progress bar over the frames to which boxes are fitted.
     """
 
     drive: FileDrive
+    progress: Progress = field(default=iter, compare=False)
 
     def at(self, name: str) -> Labels:
         """Return the labels of all objects around in a frame of a name; the drive is read at the first."""
@@ -66,7 +68,7 @@ class InstanceBoxes:
     def _labels(self) -> Mapping[str, Labels]:
         drive, mapper = self.drive, BevMapper(self.drive.sensor, BevGrid())
         log.warning("%s: fitting boxes to the instances of all %d scans", drive.name, len(drive))
-        found = [self._observe(index, mapper) for index in range(len(drive))]
+        found = [self._observe(index, mapper) for index in self.progress(range(len(drive)))]
         keys = np.concatenate([keys for keys, _ in found])
         seen = Observations.concatenate([one for _, one in found])
         if not len(seen):
@@ -174,17 +176,20 @@ def _outlines(samples_m: Float64, sizes: SizePriors) -> Rectangles:
     return replace(faced, centers_m=centers_m, yaw_rad=faced.yaw_rad + azimuth_rad)
 
 
-def labelled_by_instances(drive: Unlabelled, kind: type[Labelled]) -> Unlabelled | Labelled:
+def labelled_by_instances(
+    drive: Unlabelled, kind: type[Labelled], progress: Progress
+) -> Unlabelled | Labelled:
     """Return a drive with boxes of its instances; as it is with others, or where some scans number no object.
 
     Args:
         drive: The whole drive, without labels of boxes.
         kind: Class of such drives with boxes.
+        progress: Progress bar over the frames to which boxes are fitted.
     """
     if drive.has_labels or not _has_instances(drive):
         return drive
     parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
-    return kind(**parts, instance_boxes=InstanceBoxes(drive))
+    return kind(**parts, instance_boxes=InstanceBoxes(drive, progress))
 
 
 def _has_instances(drive: FileDrive) -> bool:

@@ -107,7 +107,7 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
         else FrameFiles.within(root / labels, (".label",)).joined(files),
     )
     if form is None or label_file is None:
-        return labelled_by_instances(drive, LabelledPointsDrive)
+        return labelled_by_instances(drive, LabelledPointsDrive, config.progress)
     parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
     if form.is_of_image:
         if images is None or images.lens is None:

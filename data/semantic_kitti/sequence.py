@@ -134,7 +134,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
             *reflectance.notes,
         ),
     )
-    return labelled_by_instances(sequence, LabelledSequence)
+    return labelled_by_instances(sequence, LabelledSequence, config.progress)
 
 
 def _read_calibration(path: Path) -> Calibration | None:

@@ -54,9 +54,11 @@ class SourceFlags(FlagGroup):
                 is negative or the step of the frames not positive.
         """
         from data.layouts import OpenConfig
+        from perception.cli.progress import frame_progress_bar
 
         same = vars(OpenConfig()).keys() & vars(self).keys()
-        return OpenConfig(**{name: getattr(self, name) for name in same})
+        values = {name: getattr(self, name) for name in same}
+        return OpenConfig(**values, progress=frame_progress_bar("fitting boxes"))
 
 
 @dataclass(frozen=True)

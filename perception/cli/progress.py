@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -55,7 +56,7 @@ def counting_bar(description: str, total: int) -> "tqdm[Any]":
 
 def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:
     """Return a function that shows progress over frame numbers, after a delay."""
-    return lambda frames: progress_bar(frames, description, delay_s=delay_s)
+    return partial(progress_bar, description=description, delay_s=delay_s)
 
 
 def compile_functions() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from data.derived.motion_labels import evaluation_labels, label_drive_motion
+from data.layouts import OpenConfig
 from data.open_drive import open_drive
 from perception.evaluation.objects import MotionState
 from tests.other_layouts import (
@@ -36,6 +37,15 @@ def test_labels_of_an_evaluation(log, tmp_path):
     written = write_semantic_kitti(tmp_path, TinyDrive())
     assert evaluation_labels(open_drive(written), 0).types.tolist() == ["Car"]
     assert evaluation_labels(open_drive(leave_out_instances(written)), 0) is None
+
+
+def test_boxes_of_instances_are_fitted_once_with_a_progress_bar(tmp_path):
+    fitted = []
+    config = OpenConfig(progress=lambda frames: fitted.extend(frames) or fitted)
+    drive = open_drive(write_semantic_kitti(tmp_path, TinyDrive()), config=config)
+    assert fitted == []
+    assert len(drive.labels_around(1)) == len(drive.labels_around(0)) == 1
+    assert fitted == list(range(len(drive)))
 
 
 def test_motion_of_a_short_drive_by_the_labels_around_it_in_time(log):
