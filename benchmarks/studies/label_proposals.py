@@ -33,6 +33,7 @@ _MAX_M, _MIN_IOU = 2.0, 0.5
 # Overlap from above from which a person leaves a box as it is.
 _UNTOUCHED_IOU, _UNTOUCHED_PERSON_IOU = 0.7, 0.5
 _WITH_SIDES = ("car", "truck", "bus", "trailer", "construction_vehicle")
+_RECALL = 0.9
 _CONFIDENCES = np.linspace(0, 1, 101)
 
 
@@ -78,6 +79,7 @@ class ProposedBoxes(ArrayTable):
         confidences: (D,) confidences, 0 to 1.
         is_right: (D,) whether they are at a label of their class that no surer one has.
         ious: (D,) overlap with the label from above, 0 without one.
+        numbers: (D,) numbers of the objects.
     """
 
     types: NDArray[np.str_]
@@ -85,6 +87,7 @@ class ProposedBoxes(ArrayTable):
     confidences: Float64
     is_right: Bool
     ious: Float64
+    numbers: Int
 
 
 @dataclass(frozen=True)
@@ -94,18 +97,22 @@ class ProposalMetrics(Metrics):
     Attributes:
         labels: Number of labels that count.
         precision: Share of proposals that are right, 0 to 1.
+        confirmed: Share of proposals of objects that are right in this frame or another: cameras lose what LiDARs see.
         recall: Share of labels that are proposed, 0 to 1.
         iou: Mean overlap from above of right proposals with their labels.
         untouched: Share of labels of which the proposed box can stay as it is.
+        at_recall: Highest precision at a recall of 0.9 or more, NaN where it is not reached.
         best: Highest F1 over all confidences.
         best_confidence: Confidence at which it is reached.
     """
 
     labels: Annotated[int, Metric("labels")]
     precision: Annotated[float, Metric("precision", ".3f")]
+    confirmed: Annotated[float, Metric("confirmed", ".3f")]
     recall: Annotated[float, Metric("recall", ".3f")]
     iou: Annotated[float, Metric("IoU", ".2f")]
     untouched: Annotated[float, Metric("untouched [%]", ".1%")]
+    at_recall: Annotated[float, Metric("precision at recall 0.9", ".3f")]
     best: Annotated[float, Metric("best F1", ".3f")]
     best_confidence: Annotated[float, Metric("at confidence", ".2f")]
 
@@ -207,7 +214,7 @@ def _matched(
     )
     counts = around.count(truths) & (inside.sum(axis=1) >= config.min_returns)
     counts &= around.reach_into_view(truths)
-    found, points = _proposed(file, index, map_SE3_velo)
+    found, points, numbers = _proposed(file, index, map_SE3_velo)
     found_map = found.boxes
     overlaps, away_m = iou_bev(found_map, boxes_map), center_distances_m(found_map, boxes_map)
     cost = away_m / _MAX_M if config.match == "distance" else (1 - overlaps) / (1 - _MIN_IOU)
@@ -227,6 +234,7 @@ def _matched(
         is_right=is_right,
         ious=is_right
         * np.column_stack([overlaps, np.zeros(len(found))])[range(len(found)), matches],
+        numbers=numbers,
     )
     return LabelledBoxes(truths.types[counts], ranges_m[counts]), proposed[rows]
 
@@ -247,8 +255,8 @@ def _matches(cost: Float64, counts: Bool) -> Int:
 
 def _proposed(
     file: "ProposalFile", index: int, map_SE3_velo: Float64
-) -> tuple["TaskDetections", Int]:
-    """Return the proposals of one frame with a class of the task, the surest first, and their numbers of returns."""
+) -> tuple["TaskDetections", Int, Int]:
+    """Return the proposals of one frame with a class of the task, the surest first; their returns; their objects."""
     from data.labelled_objects import task_classes
     from perception.evaluation.nuscenes.boxes import TaskDetections
     from perception.geometry.boxes import transform_boxes
@@ -271,7 +279,8 @@ def _proposed(
         attributes=np.full(count, ""),
         scores=np.array([one.confidence for one, _ in rows], np.float64),
     )
-    return found, np.array([one.points[row] for one, row in rows], np.int64)
+    points, numbers = (one.points[row] for one, row in rows), (one.number for one, _ in rows)
+    return found, np.array([*points], np.int64), np.array([*numbers], np.int64)
 
 
 def proposal_metrics(
@@ -285,12 +294,15 @@ def proposal_metrics(
         min_confidence: Confidence from which they are labels.
     """
     result = {}
+    confirmed = np.unique(found.numbers[found.is_right])
     for name, near_m, far_m, heading in _rows(labels):
         of_labels = (labels.types == name) & (near_m <= labels.ranges_m) & (labels.ranges_m < far_m)
         of_found = (found.types == name) & (near_m <= found.ranges_m) & (found.ranges_m < far_m)
         if of_labels.any():
             rows = found[of_found]
-            result[heading] = _metrics(name, int(of_labels.sum()), rows, min_confidence)
+            used = rows[rows.confidences >= min_confidence]
+            share = float(np.isin(used.numbers, confirmed).mean()) if len(used) else 1.0
+            result[heading] = _metrics(name, int(of_labels.sum()), rows, min_confidence, share)
     return result
 
 
@@ -303,19 +315,22 @@ def _rows(labels: LabelledBoxes) -> Iterator[tuple[str, float, float, str]]:
 
 
 def _metrics(
-    name: str, labels: int, found: ProposedBoxes, min_confidence: float
+    name: str, labels: int, found: ProposedBoxes, min_confidence: float, confirmed: float
 ) -> ProposalMetrics:
     precision, recall = _curve(labels, found, np.array([min_confidence]))
     used = found[found.is_right & (found.confidences >= min_confidence)]
     confidences = np.unique(found.confidences) if len(found) else np.zeros(1)
-    scores = [_f1(*pair) for pair in zip(*_curve(labels, found, confidences).tolist(), strict=True)]
+    curve = _curve(labels, found, confidences)
+    scores = [_f1(*pair) for pair in curve.T.tolist()]
     min_iou = _UNTOUCHED_IOU if name in _WITH_SIDES else _UNTOUCHED_PERSON_IOU
     return ProposalMetrics(
         labels=labels,
         precision=float(precision[0]),
+        confirmed=confirmed,
         recall=float(recall[0]),
         iou=float(used.ious.mean()) if len(used) else float("nan"),
         untouched=float((used.ious >= min_iou).sum() / labels),
+        at_recall=max(curve[0, curve[1] >= _RECALL].tolist(), default=float("nan")),
         best=max(scores),
         best_confidence=float(confidences[int(np.argmax(scores))]),
     )

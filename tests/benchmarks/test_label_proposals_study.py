@@ -24,6 +24,7 @@ def test_metrics_are_those_of_a_confidence_and_the_best():
         confidences=np.array([0.9, 0.8, 0.3, 0.2]),
         is_right=np.array([True, False, True, True]),
         ious=np.array([0.8, 0.0, 0.6, 0.75]),
+        numbers=np.array([1, 1, 2, 3]),
     )
     rows = proposal_metrics(labels, found, 0.5)
     assert list(rows) == ["car", "car, 0 to 20 m", "car, 20 to 35 m"]
@@ -31,6 +32,10 @@ def test_metrics_are_those_of_a_confidence_and_the_best():
     assert (car.labels, car.precision, car.recall, car.f1) == (4, 0.5, 0.25, pytest.approx(1 / 3))
     assert (car.iou, car.untouched) == (0.8, 0.25)
     assert (car.best, car.best_confidence) == (pytest.approx(0.75), 0.2)
+    # The second is of an object that the first confirms; three of four labels are proposed.
+    assert car.confirmed == 1.0 and np.isnan(car.at_recall)
+    far = proposal_metrics(labels, found, 0.0)["car, 20 to 35 m"]
+    assert (far.confirmed, far.at_recall, far.recall) == (1.0, 1.0, 1.0)
     assert (rows["car, 20 to 35 m"].recall, rows["car, 20 to 35 m"].best) == (0.0, 1.0)
 
 
@@ -66,6 +71,7 @@ def test_labels_as_proposals_are_right(labelled, tmp_path, capsys):
     assert main([*words, "--match", "iou", "--out", str(out)]) == 0
     row = json.loads(out.with_suffix(".json").read_text())["results"]["proposals"]["car"]
     assert row["iou"] == pytest.approx(1.0, abs=1e-3)
+    assert row["confirmed"] == row["precision"] == 1
     assert row["recall"] == pytest.approx((row["labels"] - 1) / row["labels"])
     assert out.is_file()
     assert "untouched" in capsys.readouterr().out
