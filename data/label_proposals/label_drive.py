@@ -38,7 +38,7 @@ def write_labels(drive: RecordedDrive, out: Path, config: ProposedLabelConfig) -
         LabelError: The proposals or the decisions cannot be read.
     """
     file = ProposalFile.read(out)
-    decisions = {} if config.review is None else read_review(config.review)
+    decisions = {} if config.review is None else read_review(config.review, drive.name)
     labels = reviewed(file.proposals, decisions, config.min_confidence)
     for earlier in (out / LABELS).glob("*"):  # of another form
         if earlier.is_file():

@@ -34,14 +34,22 @@ class Decision:
     kind: str = ""
 
 
-def read_review(path: Path) -> Mapping[int, Decision]:
+def read_review(path: Path, drive: str | None = None) -> Mapping[int, Decision]:
     """Return the decisions of a file by the number of the object.
 
+    Args:
+        path: File.
+        drive: Name of the drive that they must be on where they name one.
+
     Raises:
-        LabelError: It is missing or damaged, or has another decision.
+        LabelError: It is missing or damaged, is on another drive, or has another decision.
     """
     advice = "save it in review.html"
     document = read_document(path, REVIEW_FORMAT, "decisions of a review", advice)
+    named = document.get("drive", drive)
+    if drive not in (None, named):
+        expected, found = f"decisions on {drive}", f"some on {named}"
+        raise LabelError(path, expected=expected, found=found, advice="review these proposals")
     result = {}
     for number, one in (document.get("objects") or {}).items():
         where = f"{path} object {number}"

@@ -143,6 +143,10 @@ def test_decisions_come_before_the_confidence(tmp_path):
     path.write_text('{"format": "trifuse review 1", "objects": {"1": {"decision": "reject"}, "2": {"type": "Van"}, "3": {"decision": "accept"}}}')  # fmt: skip
     labels = reviewed(proposals, read_review(path), 0.5)
     assert [(one.number, one.kind) for one in labels] == [(2, "Van"), (3, "Car")]
+    path.write_text('{"format": "trifuse review 1", "drive": "a", "objects": {}}')
+    assert read_review(path, "a") == read_review(path) == {}
+    with fault(LabelError, "review.json", "decisions on b", "some on a", "review these"):
+        read_review(path, "b")
     with fault(LabelError, "review", "objects 1 to 4", "one on 9"):
         reviewed(proposals, {9: Decision("accept")}, 0.5)
     path.write_text('{"format": "trifuse review 1", "objects": {"1": {"decision": "maybe"}}}')
