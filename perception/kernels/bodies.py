@@ -1,4 +1,4 @@
-"""What earlier scans tell of the displacement of a body along its axis."""
+"""The axis of a body, and what earlier scans tell of its displacement along it."""
 
 import numpy as np
 
@@ -6,6 +6,34 @@ from perception.kernels.compiled import NUMBER, array_of, compiled
 from perception.types import Float32, Float64, UInt8
 
 _STATES, _LINE = array_of(np.uint8, 2), array_of(np.float32)
+_STEPS = 60  # headings of a quarter turn
+_FAR_INSIDE_M = 0.3  # from the sides, from which on places tell nothing of them
+
+
+@compiled((array_of(np.float32, 2),))
+def longer_axis(places_m: Float32) -> tuple[float, float]:
+    """Return the heading of the longer side of an outline of (P, 2) places in rad, and its length.
+
+    Of all rectangles around the outline it is the one whose sides its places are closest to: the smallest rectangle
+    around one side and one end of a body may lie along the diagonal.
+    """
+    best_m, heading_rad, length_m = np.inf, 0.0, 0.0
+    turned = np.empty((2, len(places_m)))
+    for step in range(_STEPS):
+        angle_rad, away_m = step * np.pi / 2 / _STEPS, 0.0
+        cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+        for k in range(len(places_m)):
+            turned[0, k] = cos * places_m[k, 0] + sin * places_m[k, 1]
+            turned[1, k] = cos * places_m[k, 1] - sin * places_m[k, 0]
+        low_x, high_x = turned[0].min(), turned[0].max()
+        low_y, high_y = turned[1].min(), turned[1].max()
+        for k in range(len(places_m)):
+            x, y = turned[0, k], turned[1, k]
+            away_m += min(x - low_x, high_x - x, y - low_y, high_y - y, _FAR_INSIDE_M)
+        if away_m < best_m:
+            best_m, length_m = away_m, max(high_x - low_x, high_y - low_y)
+            heading_rad = angle_rad + (np.pi / 2 if high_y - low_y > high_x - low_x else 0.0)
+    return heading_rad, length_m
 
 
 @compiled((_STATES, _STATES, _LINE, _LINE, NUMBER, NUMBER, NUMBER))

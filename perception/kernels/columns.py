@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
-from perception.types import Bool, Float32, Int
+from perception.types import Bool, Float32, Int, UInt8
 
 _POINTS, _GROUPS, _MASK = array_of(np.float32, 2), array_of(np.int64), array_of(np.bool_)
 
@@ -23,24 +23,41 @@ def columns_of(places: Float32, cell_m: float) -> tuple[Int, Int]:
     return rows, extent
 
 
-@compiled((_GROUPS, _MASK, WHOLE, NUMBER))
-def split_columns(of: Int, persisted: Bool, size: int, weight: float) -> tuple[Bool, Bool]:
-    """Return which of the columns have more places that did not persist than others, weighted, and which have none that did.
+@compiled((_GROUPS, _MASK, _GROUPS, NUMBER, NUMBER))
+def joinable_columns(
+    of: Int, persisted: Bool, extent: Int, weight: float, gap_rad: float
+) -> tuple[Bool, UInt8]:
+    """Return which columns have more places that did not persist than others, and these with the gaps between them.
+
+    Gaps are columns without a place that persisted, within half of an angle of one of the former.
 
     Args:
         of: (V,) column of each place.
         persisted: (V,) whether it persisted.
-        size: Number of columns.
+        extent: (4,) first row, first column, rows and columns.
         weight: Weight of a place that persisted.
+        gap_rad: Angle.
+
+    Returns:
+        (rows * columns,) mask and (rows, columns) image of 0 and 1.
     """
-    counts = np.zeros((size, 2), np.int32)
+    first_row, first_column, height, width = extent
+    counts = np.zeros((height * width, 2), np.int32)
     for k in range(len(of)):
         counts[of[k], int(persisted[k])] += 1
-    chosen, is_empty = np.empty(size, np.bool_), np.empty(size, np.bool_)
-    for column in range(size):
+    chosen, joinable = np.empty(height * width, np.bool_), np.zeros((height, width), np.uint8)
+    for column in range(height * width):
         chosen[column] = counts[column, 0] > counts[column, 1] * weight
-        is_empty[column] = counts[column, 1] == 0
-    return chosen, is_empty
+        if not chosen[column]:
+            continue
+        row, line = divmod(column, width)
+        x, y = first_row + row + 0.5, first_column + line + 0.5
+        reach = int(np.sqrt(x * x + y * y) * gap_rad / 2)
+        joinable[row, line] = 1
+        for i in range(max(row - reach, 0), min(row + reach + 1, height)):
+            for j in range(max(line - reach, 0), min(line + reach + 1, width)):
+                joinable[i, j] |= counts[i * width + j, 1] == 0
+    return chosen, joinable
 
 
 @compiled((_GROUPS, _MASK, WHOLE))

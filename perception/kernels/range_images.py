@@ -11,7 +11,7 @@ from perception.types import Bool, Float32, Int, UInt8
 
 ProjectionNumbers = tuple[float, float, float, int]
 
-_F32, _BOOL = np.float32, np.bool_
+_F32 = np.float32
 _LINE, _LINE_OUT = array_of(_F32), written(_F32)
 _BLOCK = 512
 _POINTS, _SLOPES = array_of(_F32, 2), array_of(np.int32, 2)
@@ -260,32 +260,3 @@ def are_free(
             and _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
         )
     return free
-
-
-@compiled((_POINTS, _SLOPES, _PROJECTION, array_of(_F32, 2), array_of(_BOOL, 2), _F32))
-def single_beams(
-    points: Float32,
-    rows_of_slope: Int,
-    projection: ProjectionNumbers,
-    framed_m: Float32,
-    is_moving: Bool,
-    margin_m: float,
-) -> tuple[Bool, Bool]:
-    """Return at which places one of the beams around ended, and beyond which one did.
-
-    Arguments are as of `visibility_of`; a return of what moved, in pixels that `is_moving` marks, does not count as an end.
-    """
-    ended, passed = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
-    rows, _, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
-    for k in range(len(points)):
-        if not is_in_view[k]:
-            continue
-        row, column, range_m = rows[k], columns[k], ranges_m[k]
-        ends, passes = False, False
-        for i in range(row, row + 3):
-            for j in range(column, column + 3):
-                beyond_m = framed_m[i, j] - range_m
-                ends |= (abs(beyond_m) < margin_m) & (not is_moving[i, j])
-                passes |= (beyond_m >= margin_m) & (beyond_m < np.inf)
-        ended[k], passed[k] = ends, passes
-    return ended, passed

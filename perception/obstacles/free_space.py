@@ -1,20 +1,22 @@
 """Visibility of a place in earlier scans: free, hit or occluded."""
 
-import math
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from perception.geometry import se3
 from perception.localization.pose_covariance import plane_deviations_m
-from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
+from perception.obstacles.range_image import (
+    PointVisibility,
+    RangeImage,
+    SphericalProjection,
+    Visibility,
+)
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64, Int, UInt8
+from perception.types import Bool, Float32, Float64, UInt8
 
-# Seen from farther back, a post of 10 cm at the end of the area falls between two beams.
-_MAX_TRAVEL_M = 12.0
 # Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
 # 5 cm and the slant of a surface within a pixel.
 MARGIN_M = 0.2
@@ -24,37 +26,46 @@ _MAX_DEVIATION_M = 0.3
 
 
 @dataclass(frozen=True)
-class PastReturns:
-    """Scans of the horizon in which single beams ended at P places or passed them.
-
-    Attributes:
-        left: (P,) number of scans in which a beam ended at the place that another beam passed later.
-        visible: (P,) number of scans in which a beam ended at the place or passed.
-    """
-
-    left: Int
-    visible: Int
-
-
-@dataclass(frozen=True)
 class VisibilityHistory:
     """Visibility of P places in the scans of the last 1.5 s or so, from the newest queried scan to the oldest.
 
     Attributes:
         ages_s: (A,) age of each queried scan in seconds, rising.
-        was_free: (A, P) whether a beam passed through the place.
-        was_hit: (A, P) whether a beam ended at the place.
-        was_behind_departed: (A, P) whether the place was occluded by an object that has left since.
-        gaps_m: (A, P) distance in metres from that object to the place.
-        past_returns: Function that counts all scans of the horizon, for some of the places.
+        states: (A, P) `Visibility` of the place; what an older scan has hit, younger ones are not asked about.
+        gaps_m: (A, P) distance in metres to an uncovered place from the object that occluded it.
     """
 
     ages_s: Float64
-    was_free: Bool
-    was_hit: Bool
-    was_behind_departed: Bool
+    states: UInt8
     gaps_m: Float32
-    past_returns: Callable[[Int], PastReturns]
+
+    @cached_property
+    def persisted(self) -> Bool:
+        """(P,) whether an older scan hit the place or, where none of them tells, the youngest."""
+        return np.asarray(self._was_hit | (~self._was_free & (self.states[0] == Visibility.HIT)))
+
+    @cached_property
+    def appeared(self) -> Bool:
+        """(P,) whether the older scans or, where none of them tells, the youngest found the place free."""
+        return np.asarray(~self._was_hit & (self._was_free | (self.states[0] == Visibility.FREE)))
+
+    @cached_property
+    def uncovered(self) -> Bool:
+        """(P,) whether only what was behind a departed object tells of the place."""
+        was_uncovered = (self.states == Visibility.UNCOVERED).any(axis=0)
+        return np.asarray(was_uncovered & ~self.appeared & ~self.persisted)
+
+    @cached_property
+    def _was_hit(self) -> Bool:
+        return np.asarray((self._older == Visibility.HIT).any(axis=0))
+
+    @cached_property
+    def _was_free(self) -> Bool:
+        return np.asarray((self._older == Visibility.FREE).any(axis=0))
+
+    @property
+    def _older(self) -> UInt8:
+        return self.states[min(1, len(self.states) - 1) :]
 
 
 @dataclass(frozen=True)
@@ -113,10 +124,6 @@ class FreeSpaceMemory:
         """Forget all scans."""
         self._scans.clear()
 
-    def mark_moving(self, moving_velo: Float32) -> None:
-        """Remember that these (M, 3) returns of the newest scan are of what moves."""
-        self._scans[-1].image.mark_moving(moving_velo)
-
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         free = self._scans[-1].image.are_free(points_velo, MARGIN_M)
@@ -131,77 +138,46 @@ class FreeSpaceMemory:
         ranges_m = np.hypot(points_velo[:, 0], points_velo[:, 1])
         return np.asarray(plane_deviations_m(covariance, ranges_m) > _MAX_DEVIATION_M)
 
-    def states(self, points_velo: Float32, age: int) -> UInt8:
-        """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
+    def visibility(self, points_velo: Float32, age: int) -> PointVisibility:
+        """Return the visibility of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
         past = self._scans[-1 - age]
         points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-        states = past.image.visibility(points_past, MARGIN_M).states
-        states[self._are_doubtful(points_velo, past.covariance)] = Visibility.UNKNOWN
-        return states
+        visibility = past.image.visibility(points_past, MARGIN_M)
+        visibility.states[self._are_doubtful(points_velo, past.covariance)] = Visibility.UNKNOWN
+        return visibility
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
         ages = self.queried_ages()
-        shape = (len(ages), len(points_velo))
-        was_free, was_hit, was_behind_departed = (np.zeros(shape, bool) for _ in range(3))
-        gaps_m = np.zeros(shape, np.float32)
-        for row, age in enumerate(ages):
-            past, past_SE3_newest = self._scans[-1 - age], self._past_SE3_newest(age)
-            points_past = se3.transform_points(past_SE3_newest, points_velo)
-            visibility = past.image.visibility(points_past, MARGIN_M)
-            was_free[row] = visibility.states == Visibility.FREE
-            was_hit[row] = visibility.states == Visibility.HIT
-            gaps_m[row] = visibility.gaps_m
+        states = np.zeros((len(ages), len(points_velo)), np.uint8)
+        gaps_m, rows = np.zeros(states.shape, np.float32), np.arange(len(points_velo))
+        for number in reversed(range(len(ages))):
+            places = points_velo.take(rows, axis=0)
+            visibility = self.visibility(places, ages[number])
             occluded = np.flatnonzero(visibility.states == Visibility.OCCLUDED)
-            ends = _shorten(points_past[occluded], visibility.gaps_m[occluded])
-            ends_now = se3.transform_points(se3.inverse(past_SE3_newest), ends)
-            was_behind_departed[row, occluded] = self.is_free_in_newest(ends_now)
-            is_doubtful = self._are_doubtful(points_velo, past.covariance)
-            for states in (was_free, was_behind_departed):
-                states[row] &= ~is_doubtful
+            gaps_of_occluded_m = visibility.gaps_m[occluded]
+            ends = self._towards_past(
+                places.take(occluded, axis=0), ages[number], gaps_of_occluded_m
+            )
+            visibility.states[occluded[self.is_free_in_newest(ends)]] = Visibility.UNCOVERED
+            states[number, rows], gaps_m[number, rows] = visibility.states, visibility.gaps_m
+            rows = rows[visibility.states != Visibility.HIT]
         return VisibilityHistory(
-            np.array([self.age_s(age) for age in ages], np.float64),
-            was_free,
-            was_hit,
-            was_behind_departed,
-            gaps_m,
-            lambda rows: self._past_returns(points_velo[rows]),
+            np.array([self.age_s(age) for age in ages], np.float64), states, gaps_m
         )
 
-    def _past_returns(self, points_velo: Float32) -> PastReturns:
-        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first."""
-        left, visible = np.zeros((2, len(points_velo)), np.int64)
-        was_empty = np.zeros(len(points_velo), bool)
-        for age in range(1, self._oldest_age() + 1):
-            scan = self._scans[-1 - age]
-            points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-            ends, passes = scan.image.returns(points_past, MARGIN_M)
-            left += ends & was_empty
-            visible += ends | passes
-            was_empty |= passes & ~ends
-        return PastReturns(left, visible)
+    def _towards_past(self, points_velo: Float32, age: int, by_m: Float32) -> Float32:
+        """Move (P, 3) places of the newest scan towards where the sensor was in an earlier one."""
+        origin = se3.inverse(self._past_SE3_newest(age))[:3, 3].astype(np.float32)
+        beams = points_velo - origin
+        # A third of the time of np.linalg.norm.
+        ranges = np.sqrt(np.einsum("pi,pi->p", beams, beams))
+        return np.asarray(points_velo - beams * (by_m / ranges)[:, None], np.float32)
 
     def _past_SE3_newest(self, age: int) -> Float64:
         return se3.inverse(self._scans[-1 - age].world_SE3_velo) @ self._scans[-1].world_SE3_velo
 
     def queried_ages(self) -> list[int]:
         """Return the ages of the queried scans, in scans, rising."""
-        oldest = self._oldest_age()
+        oldest = len(self._scans) - 1
         return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})
-
-    def _oldest_age(self) -> int:
-        """Return the age of the oldest scan that is queried, in scans."""
-        here = self._scans[-1].world_SE3_velo[:3, 3].tolist()
-        usable = [
-            age
-            for age, scan in enumerate(reversed(self._scans))
-            if math.dist(scan.world_SE3_velo[:3, 3].tolist(), here) <= _MAX_TRAVEL_M
-        ]
-        # At a speed beyond the limit, the scan before is still the best one.
-        return min(max(usable[-1], 1), len(self._scans) - 1)
-
-
-def _shorten(points: Float32, by_m: Float32) -> Float32:
-    """Move (P, 3) points towards the origin."""
-    ranges = np.sqrt(np.einsum("pi,pi->p", points, points))  # a third of the time of np.linalg.norm
-    return np.asarray(points * (1 - by_m / ranges)[:, None], np.float32)

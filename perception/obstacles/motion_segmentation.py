@@ -16,12 +16,8 @@ from perception.obstacles.config import MotionConfig
 from perception.obstacles.free_space import FreeSpaceMemory, VisibilityHistory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
-from perception.obstacles.moving_clusters import (
-    NEAR_MOVING_M,
-    VoxelColumns,
-    moving_voxels,
-    vote,
-)
+from perception.obstacles.moving_clusters import NEAR_MOVING_M, VoxelColumns, moving_voxels
+from perception.obstacles.range_image import Visibility
 from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
 from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid
 from perception.sensor import HDL_64E, LidarModel
@@ -162,9 +158,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         # Rows by number are taken several times as fast as by a mask.
         moving_rows, static_rows = np.flatnonzero(moves), np.flatnonzero(~moves)
         is_moving = moves.take(voxels.group_of)
-        moved = above_ground.points_velo.take(np.flatnonzero(is_moving), axis=0)
         self._moved_before, self._world_SE3_before = places.take(moving_rows, axis=0), pose
-        self._memory.mark_moving(moved)
 
         seen, moving = _pick(voxels, static_rows), _pick(voxels, moving_rows)
         static = voxelized.static_map.update(
@@ -185,9 +179,8 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         moves: Bool,
     ) -> Bool:
         """Return which places belong to bodies of which most fills the place that it filled before."""
-        votes = vote(history)
         # What the youngest scan has hit as well may have come to a halt.
-        is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
+        is_new = (history.appeared | history.uncovered) & (history.states[0] != Visibility.HIT)
         was_moving = are_in_cells_of(places, before, NEAR_MOVING_M)
         occupied = OccupiedPlaces(places, clusters, is_new, was_moving, moves, self._area)
         return moving_bodies(occupied, self._memory)

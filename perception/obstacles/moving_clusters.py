@@ -2,40 +2,35 @@
 
 A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
 joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
-(at least `min_voxels`, and more than those that persisted).
+(at least `min_voxels`, in enough scans, and more than those that persisted).
 
-Leaves, fences and what stands behind them appear in free space without moving, since beams find another way through
-them in every scan. But they have been there before: earlier scans have returns from the same place, and later ones
-have none. What moves comes to its place once; a cluster that has left its place and is back does not move.
+Leaves, fences and what is behind them appear in free space without moving, since beams find another way through them
+in every scan. Older scans have hit most of their voxels, and these persist whatever younger ones have found.
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from perception.kernels.columns import columns_of, count_in_groups, split_columns
+from perception.kernels.columns import columns_of, count_in_groups, joinable_columns
 from perception.kernels.neighbours import are_near
 from perception.obstacles.free_space import VisibilityHistory
+from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float, Float64, Int, UInt8
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
 NEAR_MOVING_M = 1.0  # to voxels that moved in the scan before: 10 m/s at 10 Hz
 # Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
 _GAP_RATIO = 2.0
-_REACH_STEP = 64  # columns in which a table of them grows
 
-_MIN_VOXELS_NEAR_MOVING = 4  # that appeared, next to what moved in the scan before
-# Observations of its voxels that appeared, over the scans of the horizon, of a cluster that begins to move.
-_MIN_OBSERVATIONS = 40
+# Observations of its voxels that appeared, over the queried scans, of a cluster that begins to move.
+_MIN_OBSERVATIONS = 15
 _CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his earlier place
-# Where the youngest queried scan, old enough to tell standing from walking, has hit nearly all of a cluster as well, it
-# is static again.
-_STOP_AGE_S, _STOPPED_RATIO = 0.3, 0.95
-
-# A larger share of scans with a return from a place that appeared, before another beam passed, is of a fence or leaves.
-_MAX_RETURNED_RATIO, _MAX_RETURNED_RATIO_NEAR_MOVING = 0.1, 0.2
+# Where the youngest queried scan, old enough to tell standing from walking, has hit all that came of a cluster, it is
+# static again.
+_STOP_AGE_S = 0.3
 
 # The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is at most 1 m, and
 # at most a quarter of what it was when it was observed last, beside what an acceleration of 2 m/s² makes of it.
@@ -45,33 +40,6 @@ _WHOLE_OBJECT_RATIO = 0.5  # of an object's voxels that move, from which on all 
 # Length of the moving part of an object from which on it is a vehicle, not a person.
 _VEHICLE_LENGTH_M = 2.0
 _PERSON_MARGIN_M = 0.3  # from the moving part of a person to the rest
-
-
-@dataclass(frozen=True)
-class VoxelVotes:
-    """Evidence of V voxels; a voxel in none of the three was occluded until now.
-
-    Attributes:
-        appeared: (V,) whether its place was free.
-        persisted: (V,) whether its place was occupied.
-        uncovered: (V,) whether its place was occluded by an object that has left since.
-    """
-
-    appeared: Bool
-    persisted: Bool
-    uncovered: Bool
-
-
-def vote(history: VisibilityHistory) -> VoxelVotes:
-    """Decide by the older scans and, where the place was visible in none of them, by the youngest."""
-    older = slice(1, None) if len(history.ages_s) > 1 else slice(None)
-    free = history.was_free[older].sum(axis=0)
-    hit = history.was_hit[older].sum(axis=0)
-    unseen = (free == 0) & (hit == 0)
-    appeared = (free > hit) | (unseen & history.was_free[0])
-    persisted = ((hit >= free) & (hit > 0)) | (unseen & history.was_hit[0])
-    uncovered = history.was_behind_departed.any(axis=0) & ~appeared & ~persisted
-    return VoxelVotes(appeared, persisted, uncovered)
 
 
 def moving_voxels(
@@ -94,42 +62,31 @@ def moving_voxels(
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
-    votes, static_weight = vote(history), _static_weight(history)
+    static_weight = _static_weight(history)
     columns = columns or VoxelColumns.over(centers_m)
-    gap_rad = _GAP_RATIO * beam_step_rad
-    cluster = _cluster_appeared(columns, votes.persisted, gap_rad, static_weight)
+    cluster = columns.join(history.persisted, _GAP_RATIO * beam_step_rad, static_weight)
     clusters = int(cluster.max()) + 1
 
     def count_by_cluster(voxels: Bool) -> Float64:
-        counts = count_in_groups(cluster, np.ascontiguousarray(voxels), clusters)
-        return counts.astype(np.float64)
+        return np.asarray(count_in_groups(cluster, voxels, clusters), np.float64)
 
-    leaves = count_by_cluster(votes.uncovered) * _is_own_departure(cluster, clusters, history)
-    appeared = count_by_cluster(votes.appeared) + leaves
+    leaves = count_by_cluster(history.uncovered) * _is_own_departure(cluster, clusters, history)
+    appeared = count_by_cluster(history.appeared) + leaves
     was_near = np.zeros(len(cluster), bool)
     was_near[cluster > 0] = _are_near_moving(centers_m[cluster > 0], moved_before_m)
     goes_on = count_by_cluster(was_near) > 0
-    required = np.where(goes_on, _MIN_VOXELS_NEAR_MOVING, min_voxels * static_weight)
+    required = np.where(goes_on, 1, min_voxels * static_weight)
     moves = appeared >= required
-    moves &= appeared > count_by_cluster(votes.persisted) * static_weight
+    moves &= appeared > count_by_cluster(history.persisted) * static_weight
+    came = np.where(history.appeared | history.uncovered, history.states, Visibility.UNKNOWN)
+    is_hit = came == Visibility.HIT
+    is_clear = (came == Visibility.FREE) | (came == Visibility.UNCOVERED)
     if history.ages_s[0] >= _STOP_AGE_S:
-        hit = count_by_cluster(history.was_hit[0])
-        seen = (
-            hit
-            + count_by_cluster(history.was_free[0])
-            + count_by_cluster(history.was_behind_departed[0])
-        )
-        moves &= hit < _STOPPED_RATIO * np.maximum(seen, 1)
+        moves &= (count_by_cluster(is_clear[0]) > 0) | (count_by_cluster(is_hit[0]) == 0)
     moves[0] = False
-    evidence = np.flatnonzero(moves[cluster] & (votes.appeared | votes.uncovered))
-    past = history.past_returns(evidence)
-    returned = np.bincount(cluster[evidence], past.left, clusters)
-    visible = np.bincount(cluster[evidence], past.visible, clusters)
-    tolerated = np.where(goes_on, _MAX_RETURNED_RATIO_NEAR_MOVING, _MAX_RETURNED_RATIO)
-    # The place of what drives away was hidden, so that few scans have observed it.
-    is_observed = (visible >= _MIN_OBSERVATIONS) | (2 * leaves > appeared)
-    moves &= (returned <= tolerated * visible) & (goes_on | is_observed)
-    return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0))
+    observations = np.bincount(cluster, (is_clear | is_hit).sum(axis=0), clusters)
+    moves &= goes_on | (observations >= _MIN_OBSERVATIONS)
+    return _complete(centers_m, columns, moves[cluster], history.persisted)
 
 
 def _are_near_moving(centers_m: Float, moving_m: Float) -> Bool:
@@ -171,55 +128,22 @@ class VoxelColumns:
         image[self.of] = 1
         return _components(image.reshape(rows, columns))[self.of].astype(np.int64)
 
-    def join(self, chosen: Bool, passable: Bool, gap_rad: float) -> Int:
-        """Return the (V,) cluster of each voxel, 0 outside the chosen columns.
+    def join(self, persisted: Bool, gap_rad: float, static_weight: float) -> Int:
+        """Return the (V,) cluster of each voxel, 0 in columns that mostly persisted.
 
-        Columns are joined with their eight neighbours, and over passable ones within that angle: a passing car is
-        not one with the parked car beside it.
+        Columns are joined with their eight neighbours, and within that angle over those in which nothing persisted: a
+        passing car is not one with the parked car beside it.
         """
-        first_row, first_column, rows, columns = self.extent.tolist()
-        reaches = _reaches(first_row, first_column, rows, columns, gap_rad)
-        image = chosen.reshape(rows, columns).view(np.uint8)
-        grown = image.copy()
-        for reach in range(1, int(reaches.max()) + 1):
-            block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-            grown |= np.asarray(cv2.dilate(image, block), np.uint8) & (reaches >= reach)
-        grown &= (chosen | passable).reshape(rows, columns)
-        labels = _components(grown)[self.of]
-        return np.where(chosen[self.of], labels, 0).astype(np.int64)
+        chosen, image = joinable_columns(
+            self.of, np.ascontiguousarray(persisted), self.extent, static_weight, gap_rad
+        )
+        return np.where(chosen[self.of], _components(image)[self.of], 0).astype(np.int64)
 
 
 def _components(image: UInt8) -> Int:
     """Return the flat number of the part of an image that each pixel is in, 0 outside of all."""
     _, labels = cv2.connectedComponents(image, connectivity=8)
     return np.asarray(labels.ravel(), np.int32)
-
-
-def _reaches(first_row: int, first_column: int, rows: int, columns: int, gap_rad: float) -> UInt8:
-    """Return how many columns an angle spans to either side of each column of a rectangle."""
-    ends = (first_row, first_row + rows, first_column, first_column + columns)
-    half = -(-max(map(abs, ends)) // _REACH_STEP) * _REACH_STEP
-    whole = _reaches_around(half, gap_rad)
-    first_row, first_column = first_row + half, first_column + half
-    return whole[first_row : first_row + rows, first_column : first_column + columns]
-
-
-@lru_cache(maxsize=8)
-def _reaches_around(half: int, gap_rad: float) -> UInt8:
-    middles = np.arange(-half, half) + 0.5
-    ranges_m = _CELL_M * np.hypot(middles[:, None], middles)
-    return np.asarray(ranges_m * gap_rad / _CELL_M / 2, np.uint8)
-
-
-def _cluster_appeared(
-    columns: VoxelColumns, persisted: Bool, gap_rad: float, static_weight: float
-) -> Int:
-    """Return the (V,) cluster of each voxel, not joined through columns that mostly persisted."""
-    size = int(columns.extent[2] * columns.extent[3])
-    chosen, has_none = split_columns(
-        columns.of, np.ascontiguousarray(persisted), size, static_weight
-    )
-    return columns.join(chosen, has_none, gap_rad)
 
 
 def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
@@ -271,11 +195,11 @@ def _is_own_departure(cluster: Int, clusters: int, history: VisibilityHistory) -
     nearer to the sensor, and tells nothing.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind = np.flatnonzero(history.was_behind_departed[0])
+    behind = np.flatnonzero(history.uncovered & (history.states[0] == Visibility.UNCOVERED))
     cluster, gap_m = cluster[behind], history.gaps_m[0, behind]
     comes, keeps_away = gap_m < _DEPARTED_GAP_M, np.zeros(len(behind), bool)
     if old_s > young_s:
-        behind_twice = history.was_behind_departed[-1, behind]
+        behind_twice = history.states[-1, behind] == Visibility.UNCOVERED
         gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1, behind]) / (old_s - young_s)
         # By how much an object that speeds up falls short of its steady path.
         short_m = young_s * old_s / 2 * _DEPARTED_ACCELERATION_M_S2

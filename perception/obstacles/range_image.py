@@ -15,7 +15,6 @@ from perception.kernels.range_images import (
     are_free,
     nearest_returns,
     pixels_of,
-    single_beams,
     visibility_of,
 )
 from perception.sensor import LidarModel
@@ -34,6 +33,7 @@ class Visibility(IntEnum):
     FREE = 1  # every beam around passed, and above and below one of them ended farther away
     HIT = 2  # a beam ended here
     OCCLUDED = 3  # a beam ended before it
+    UNCOVERED = 4  # occluded by what has left since
 
 
 @dataclass(frozen=True)
@@ -118,14 +118,6 @@ class RangeImage:
         ranges = nearest_returns(_contiguous(points_velo), *projection.numbers, projection.rows)
         self._projection = projection
         self._framed = _framed(ranges)
-        self._is_moving = np.zeros(self._framed.shape, bool)
-
-    def mark_moving(self, points_velo: Float32) -> None:
-        """Remember that these (P, 3+) returns of the scan are of something that moved."""
-        pixels = self._projection.pixels(points_velo)
-        is_moving = np.zeros((self._projection.rows, self._projection.columns), bool)
-        is_moving[pixels.rows, pixels.columns] = True
-        self._is_moving = _framed(is_moving)
 
     def visibility(self, points_velo: Float32, margin_m: float) -> PointVisibility:
         """Return whether (P, 3+) places in this scan's frame are free, hit or occluded.
@@ -151,20 +143,6 @@ class RangeImage:
             self._framed,
             projection.elevations_rad,
             projection.level_0_from_m,
-            margin_m,
-        )
-
-    def returns(self, points_velo: Float32, margin_m: float) -> tuple[Bool, Bool]:
-        """Return at which (P, 3+) places a beam ended, and beyond which one did, among the beams next to them.
-
-        Unlike `visibility`, single beams count: those that pass between leaves or the wires of a fence. Returns of
-        what moved do not.
-        """
-        return single_beams(
-            _contiguous(points_velo),
-            *self._projection.numbers,
-            self._framed,
-            self._is_moving,
             margin_m,
         )
 

@@ -7,21 +7,18 @@ until a queried scan and rests since.
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.sorting import sorted_keys
-from perception.kernels.bodies import displacement_evidence
+from perception.kernels.bodies import displacement_evidence, longer_axis
 from perception.kernels.columns import count_in_groups
 from perception.obstacles.free_space import MARGIN_M, FreeSpaceMemory
 from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
-Rows = TypeVar("Rows", Int, Float32)
-_HEADINGS_RAD = np.radians(np.arange(0.0, 90.0, 1.5))
-_OUTLINE_POINTS, _FAR_INSIDE_M = 150, 0.3
+_OUTLINE_PLACES = 150  # voxels that its outline is fitted to
 _SAMPLES = 16  # voxels of each end and of the whole body
 
 _MIN_VOXELS = 30  # of a body; of these, so many are new or moved before
@@ -145,20 +142,21 @@ def moving_bodies(occupied: OccupiedPlaces, memory: FreeSpaceMemory) -> Bool:
     if not bodies:
         return moves
     paths = _Paths.since(ages_s)
-    then = [
+    states = [
         _states(occupied, bodies, memory, age, distances_m)
-        for age, distances_m in zip(ages, paths.distances_m, strict=True)
+        for age, distances_m in zip(
+            [*ages, 0], [*paths.distances_m, paths.distances_m[-1]], strict=True
+        )
     ]
-    now = _states(occupied, bodies, memory, 0, paths.distances_m[-1])
-    for number, body in enumerate(bodies):
+    for body, (*then, now) in zip(bodies, zip(*states, strict=True), strict=True):
         along_m = occupied.places_m[body.samples] @ body.axis
-        low_m, high_m = _ends(occupied, body, along_m, now[number])
+        low_m, high_m = _ends(occupied, body, along_m, now)
         evidence = []
-        for states, distances_m in zip(then, paths.distances_m, strict=True):
-            beyond = (len(now[number]) - len(distances_m)) // 2
-            shown = now[number][beyond : len(now[number]) - beyond]
+        for of_scan, distances_m in zip(then, paths.distances_m, strict=True):
+            beyond = (len(now) - len(distances_m)) // 2
+            shown = now[beyond : len(now) - beyond]
             gains = displacement_evidence(
-                states[number], shown, along_m, distances_m, low_m, high_m, MARGIN_M
+                of_scan, shown, along_m, distances_m, low_m, high_m, MARGIN_M
             )
             evidence.append(_LOG_ODDS * gains)
         if paths.log_odds(evidence, body.moved_before, memory.age_s(1)) > 0:
@@ -174,13 +172,12 @@ def _states(
     distances_m: Float32,
 ) -> list[UInt8]:
     """Return the (D, S) visibility of the samples of each body in a scan, moved back by each of D distances."""
-    moved = [
-        (occupied.places_m[body.samples] - distances_m[:, None, None] * body.axis).reshape(-1, 3)
-        for body in bodies
-    ]
-    ends = np.cumsum([len(one) for one in moved])[:-1]
-    states = np.split(memory.states(np.concatenate(moved), age), ends)
-    return [one.reshape(len(distances_m), -1) for one in states]
+    sizes = [len(body.samples) for body in bodies]
+    samples = occupied.places_m.take(np.concatenate([body.samples for body in bodies]), axis=0)
+    axes = np.repeat([body.axis for body in bodies], sizes, axis=0)
+    moved = samples - distances_m[:, None, None] * axes
+    states = memory.visibility(moved.reshape(-1, 3), age).states.reshape(len(distances_m), -1)
+    return [np.ascontiguousarray(one) for one in np.split(states, np.cumsum(sizes)[:-1], axis=1)]
 
 
 def _ends(
@@ -213,7 +210,8 @@ def _bodies(occupied: OccupiedPlaces) -> list[_Body]:
     bodies = []
     for number in np.flatnonzero(is_candidate):
         rows = order[starts[number] : starts[number + 1]]
-        heading_rad, length_m = _longer_axis(occupied.places_m[rows, :2])
+        outline_m = occupied.places_m[_thinned(rows, _OUTLINE_PLACES), :2]
+        heading_rad, length_m = longer_axis(np.ascontiguousarray(outline_m))
         for turn_rad in np.pi / 2 * np.arange(1 if length_m > _MAX_WIDTH_M else 2):
             bodies.append(_body(occupied, rows, heading_rad + turn_rad))
     return bodies
@@ -225,7 +223,8 @@ def _body(occupied: OccupiedPlaces, rows: Int, heading_rad: float) -> _Body:
     left_m = occupied.places_m[rows] @ np.array([-axis[1], axis[0], 0.0], np.float32)
     if np.ptp(left_m) > _MAX_WIDTH_M:
         in_line = occupied.is_new[rows] | occupied.was_moving[rows]
-        low_m, high_m = np.quantile(left_m[in_line], (0.05, 0.95))
+        ordered_m = np.sort(left_m[in_line])
+        low_m, high_m = ordered_m[len(ordered_m) // 20], ordered_m[-1 - len(ordered_m) // 20]
         rows = rows[(left_m > low_m) & (left_m < high_m)]
     along_m = occupied.places_m[rows] @ axis
     parts = rows[along_m > along_m.max() - _END_M], rows[along_m < along_m.min() + _END_M], rows
@@ -233,22 +232,5 @@ def _body(occupied: OccupiedPlaces, rows: Int, heading_rad: float) -> _Body:
     return _Body(rows, axis, samples, float(occupied.was_moving[rows].mean()))
 
 
-def _longer_axis(places_m: Float32) -> tuple[float, float]:
-    """Return the heading of the longer side of an outline, and its length.
-
-    Of all rectangles around the outline it is the one whose sides its points are closest to: the smallest rectangle
-    around one side and one end of a body may lie along the diagonal.
-    """
-    x_m, y_m = _thinned(places_m, _OUTLINE_POINTS).T
-    cos, sin = np.cos(_HEADINGS_RAD)[:, None], np.sin(_HEADINGS_RAD)[:, None]
-    along_m = np.stack([cos * x_m + sin * y_m, cos * y_m - sin * x_m])
-    low_m, high_m = along_m.min(axis=2, keepdims=True), along_m.max(axis=2, keepdims=True)
-    away_m = np.minimum(along_m - low_m, high_m - along_m).min(axis=0)
-    best = int(np.argmin(np.minimum(away_m, _FAR_INSIDE_M).sum(axis=1)))
-    sides_m = (high_m - low_m)[:, best, 0]
-    heading_rad = float(_HEADINGS_RAD[best])
-    return heading_rad + (np.pi / 2 if sides_m[1] > sides_m[0] else 0.0), float(sides_m.max())
-
-
-def _thinned(rows: Rows, count: int) -> Rows:
+def _thinned(rows: Int, count: int) -> Int:
     return rows[:: max(1, -(-len(rows) // count))]

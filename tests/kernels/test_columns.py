@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.kernels.columns import are_in_cells_of, count_in_groups, split_columns
+from perception.kernels.columns import are_in_cells_of, count_in_groups, joinable_columns
 from perception.obstacles.moving_clusters import VoxelColumns
 from perception.types import Bool, Float32, Int
 
@@ -22,11 +22,11 @@ def dense_clusters(centers_m: Float32, chosen: Bool, passable: Bool, gap_rad: fl
     rows, columns = (np.arange(one.min(), one.max() + 1) for one in (x, y))
     of = (x - rows[0]) * len(columns) + y - columns[0]
     reaches = (np.hypot(rows[:, None] + 0.5, columns + 0.5) * gap_rad / 2).astype(np.int64)
-    image = chosen.reshape(reaches.shape).astype(np.uint8)
-    grown = image > 0
+    image = chosen.reshape(reaches.shape)
+    grown = image.copy()
     for reach in range(1, int(reaches.max()) + 1):
         block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-        grown |= (cv2.dilate(image, block) > 0) & (reaches >= reach)
+        grown |= cv2.dilate((image & (reaches >= reach)).astype(np.uint8), block) > 0
     joined = grown & (chosen | passable).reshape(reaches.shape)
     _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
     return np.asarray(np.where(chosen, labels.ravel(), 0)[of])
@@ -41,12 +41,11 @@ def test_clusters_are_those_of_the_dense_form(gap_rad: float, weight: float) -> 
     size = int(columns.extent[2:].prod())
     static = np.bincount(columns.of, persisted, size)
     chosen = np.bincount(columns.of, ~persisted, size) > static * weight
-    found, has_none = split_columns(columns.of, persisted, size, weight)
+    found, _ = joinable_columns(columns.of, persisted, columns.extent, weight, gap_rad)
     np.testing.assert_array_equal(found, chosen)
-    np.testing.assert_array_equal(has_none, static == 0)
     expected = dense_clusters(centers_m, chosen, static == 0, gap_rad)
     assert expected.max() > 20
-    np.testing.assert_array_equal(columns.join(chosen, has_none, gap_rad), expected)
+    np.testing.assert_array_equal(columns.join(persisted, gap_rad, weight), expected)
 
 
 def test_occupied_columns_are_joined_with_their_neighbours() -> None:

@@ -1,4 +1,4 @@
-"""What the scans of the horizon have seen at a place, beam by beam."""
+"""What the scans of the horizon have seen at a place."""
 
 import numpy as np
 import pytest
@@ -19,32 +19,17 @@ def sphere(range_m):
     )
 
 
-def past_returns(scans, moving=()):
-    """Return how often the place was left, and how often visible, in scans from the oldest to the newest.
-
-    F: beams pass to 20 m; H: they end at the place; B: they end at 5 m, before it.
-    """
+@pytest.mark.parametrize(
+    ("scans", "states"),
+    [("FFFF", "FFF"), ("HFFF", "--H"), ("FHFF", "-HF"), ("FBBF", "LLF"), ("FBBB", "OOF")],
+)
+def test_younger_scans_are_asked_of_what_no_older_one_has_hit(scans, states):
+    """From the oldest scan on F: beams pass to 20 m; H: they end at the place; B: they end at 5 m, before it."""
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for number, letter in enumerate(scans):
-        points = sphere({"F": 20.0, "H": 10.0, "B": 5.0}[letter])
-        memory.push(points, np.eye(4), 0.1 * number)
-        if number in moving:
-            memory.mark_moving(points)
-    past = memory.query(PLACE).past_returns(np.array([0]))
-    return past.left[0], past.visible[0]
-
-
-@pytest.mark.parametrize(
-    ("scans", "left", "visible"),
-    [("FFFFH", 0, 4), ("FFHHH", 0, 4), ("HFFFH", 1, 4), ("HFHFH", 2, 4), ("HBBBH", 0, 1)],
-    ids=["comes", "stays", "was there", "comes and goes", "was hidden"],
-)
-def test_a_place_is_left_where_a_beam_passes_after_a_return(scans, left, visible):
-    assert past_returns(scans) == (left, visible)
-
-
-def test_what_moved_through_a_place_has_not_left_it():
-    assert past_returns("HFFFH", moving=[0]) == (0, 3)
+        memory.push(sphere({"F": 20.0, "H": 10.0, "B": 5.0}[letter]), np.eye(4), 0.1 * number)
+    letters = ["-FHOL"[state] for state in memory.query(PLACE).states[:, 0]]
+    assert letters == list(states)
 
 
 def test_scans_are_as_old_as_their_stamps_say():

@@ -68,22 +68,6 @@ def test_free_places_are_those_of_the_visibility(sensor):
     assert 0.1 < is_free.mean() < 1
 
 
-def test_single_beams_that_end_at_a_place_and_that_pass_it_both_count():
-    scan = sphere(20.0)
-    # Every second beam of one elevation ends on a wire at 10 m.
-    wires = scan.copy()
-    columns = len(scan) // HDL_64E.beams
-    wires[30 * columns : 31 * columns : 2] /= 2
-    ray = scan[30 * columns + columns // 2]
-    place = (ray / np.linalg.norm(ray) * 10.0)[None]
-    margin_m, free = np.float32(MARGIN_M), RangeImage(scan, PROJECTION)
-    assert [x.tolist() for x in free.returns(place, margin_m)] == [[False], [True]]
-    fenced = RangeImage(wires, PROJECTION)
-    assert [x.tolist() for x in fenced.returns(place, margin_m)] == [[True], [True]]
-    assert [x.tolist() for x in fenced.returns(2 * place, margin_m)] == [[True], [False]]
-    assert [x.tolist() for x in fenced.returns(4 * place, margin_m)] == [[False], [False]]
-
-
 def test_the_turn_has_no_seam():
     image = RangeImage(sphere(20.0), PROJECTION)
     angles = np.linspace(-np.pi, np.pi, 2001)
