@@ -13,8 +13,8 @@ class VehicleConfig:
     Attributes:
         max_depth_m: Maximum depth of a point along the optical axis.
         min_points: Minimum number of points of an object that gets a box.
-        traffic_side: Side of the road that vehicles keep to. Which end of a box is its front is not seen: beyond the
-            own lane on the other side, vehicles are taken to come towards the sensor, until they move.
+        traffic_side: Side of the road that vehicles keep to, before shapes and motion tell: beyond the own lane on the
+            other side, they are taken to come towards the sensor.
         lane_width_m: Width of the own lane.
         min_existence: Minimum existence of a detection that is located. A lower one than the tracker's, since a box
             that fits too badly to count may still hold returns that are not another object's.

@@ -108,8 +108,7 @@ def locate(
         boxes = boxes.replaced(other.rows, _fit_boxes(other, camera, config))
     sizes, counts = SizePriors.of(types), np.bincount(found.owners, minlength=count)
     rows = np.flatnonzero(np.isfinite(boxes.yaw_rad))
-    unmoved = np.zeros(len(rows), bool)
-    deviations = box_deviations(boxes[rows], counts[rows], sizes[rows], unmoved)
+    deviations = box_deviations(boxes[rows], counts[rows], sizes[rows])
     return Vehicles(
         fused=replace(fused, detections=replace(detections, types=types)),
         ids=np.full(count, -1),

@@ -27,7 +27,6 @@ _SPARSE_AXIS_NOISE_RAD, _TRACKED_AXIS_NOISE_RAD = 1.4, 0.3
 _TRACK_SHARE = 0.25  # of the variance of the tracker's position, which holds the hidden ends, too
 _VELOCITY_SHARE = 0.5  # the same of the velocity: most vehicles keep theirs
 _TRAFFIC_REVERSAL = 0.1  # probability that a vehicle that has not moved faces against the traffic
-_COURSE_REVERSAL = 0.02  # the same once it has moved
 _PERSON_REVERSAL = 0.4  # the same of people, whose outline hardly shows a heading
 _ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
 _CENTER_SHARE = 0.25  # of the size's deviation that is the centre's, with returns around the middle
@@ -77,7 +76,6 @@ def box_deviations(
     boxes: Boxes3D,
     point_counts: Int,
     sizes: SizePriors,
-    has_moved: Bool,
     is_confirmed: Bool | None = None,
 ) -> BoxDeviations:
     """Return the standard deviations of boxes in the LiDAR frame.
@@ -86,7 +84,6 @@ def box_deviations(
         boxes: M boxes.
         point_counts: (M,) numbers of their points.
         sizes: M sizes of their classes.
-        has_moved: (M,) Whether their motion has shown the front.
         is_confirmed: (M,) Whether they are of confirmed tracks; None where none is.
     """
     has_sides = sizes.has_sides
@@ -101,11 +98,10 @@ def box_deviations(
     sparse_rad = np.where(is_confirmed, _TRACKED_AXIS_NOISE_RAD, _SPARSE_AXIS_NOISE_RAD)
     sparse_rad = sparse_rad / np.sqrt(np.maximum(point_counts, 1))
     axis_rad = np.minimum(np.hypot(_AXIS_NOISE_RAD, sparse_rad), _ANY_AXIS_RAD)
-    standing = np.where(has_sides, _TRAFFIC_REVERSAL, _PERSON_REVERSAL)
     return BoxDeviations(
         size_m,
         np.where(has_sides, axis_rad, _ANY_AXIS_RAD),
-        np.where(has_moved, _COURSE_REVERSAL, standing),
+        np.where(has_sides, _TRAFFIC_REVERSAL, _PERSON_REVERSAL),
     )
 
 

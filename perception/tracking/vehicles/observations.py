@@ -105,6 +105,7 @@ class VehicleObservations(ArrayTable):
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
         axis_rad: (D,) standard deviations of the axes of the boxes; NaN where they are not known.
+        reversal: (D,) probability that the front of each is its rear; NaN where it is not known.
         size_deviations_m: (D, 3) standard deviations of length, width and height; NaN where they are not known.
         class_likelihoods: (D, C) logarithms of the likelihoods of its names and its height by each class.
         existence: (D,) probability that an object of any class is there.
@@ -118,6 +119,7 @@ class VehicleObservations(ArrayTable):
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
     axis_rad: Float64
+    reversal: Float64
     size_deviations_m: Annotated[Float64, 3]
     class_likelihoods: Annotated[Float64, ...]
     existence: Float64
@@ -169,6 +171,7 @@ class VehicleObservations(ArrayTable):
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             vehicles.box_deviations.yaw_rad[rows],
+            vehicles.box_deviations.reversal[rows],
             vehicles.box_deviations.size_m[rows],
             class_likelihoods(named, vehicles.bev_types[rows], classes)
             + height_likelihoods(shown_m, detections.boxes_px, classes),

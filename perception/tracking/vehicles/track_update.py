@@ -32,15 +32,16 @@ RELOCATE_AFTER_S = 0.25
 # Time constants of the memories of an axis and of a size, and the deviation below which one observation weighs no more.
 _AXIS_MEMORY_S, _SIZE_MEMORY_S, _SURE_SIZE_M = 0.5, 4.0, 0.1
 _CLASS_MEMORY_S = 4.0  # time constant of the memory of what tells the class
+_FRONT_MEMORY_S = 1.0  # the same of what tells the front: the shape tells it best from some sides
 _SIDEWAYS_M_S = 1.0  # standard deviation of the velocity of a vehicle across its axis
 _SURE_AXIS_RAD = 0.05  # standard deviation of an observed axis, of which half the weight is left
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
 _FRONT_SPEED_M_S = 1.0  # minimum speed at which the course distinguishes front and rear
-MIN_TRAVELLED_M = 2.0  # from which on the course alone distinguishes them, and no more the traffic
+_FRONT_SHARE = 0.25  # of the length, driven in a direction that is then the front by odds of e
 SMALL_LENGTH_M = 2.2  # of people on foot and on two wheels, whose outline hardly shows a heading
 _SMALL_COURSE_SPEED_M_S = 0.6  # both minimum speeds of these
 _SMALL_COURSE_WEIGHT = 5.0  # number of observations of the outline that their course outweighs
-_MAX_FRONT_VOTES = 10  # courses that opposite ones have to outweigh before front and rear change
+_MAX_TRAVELLED = 6.0  # log-odds by motion that the opposite one has to outweigh
 _MAX_SPEED_DEVIATION_M_S = 2.0  # maximum standard deviation of a reported velocity
 
 
@@ -97,10 +98,10 @@ def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> Vehi
         anchors_px=np.zeros((count, 3)),
         is_located=observations.is_located,
         last_located_s=np.full(count, frame.stamp_s),
-        travelled_m=np.zeros(count),
+        travelled=np.zeros(count),
         riding_votes=np.zeros(count, np.int64),
         axis=_axes(observations),
-        front_votes=np.zeros(count, np.int64),
+        front_odds=_front_odds(observations),
         sizes_m=boxes.size_m,
         size_weights=_size_weights(observations),
     )
@@ -236,8 +237,8 @@ def _placed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleT
         size_weights=_size_weights(observations),
         low_world_m=boxes.bottom_m[:, 2],
         # It may be another object.
-        travelled_m=np.zeros(len(tracks)),
-        front_votes=np.zeros(len(tracks), np.int64),
+        travelled=np.zeros(len(tracks)),
+        front_odds=_front_odds(observations),
     )
 
 
@@ -264,7 +265,7 @@ def _corrected(
         low_world_m=tracks.low_world_m + shares[:, 2] * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
     tracks = replace(tracks, riding_votes=_riding_votes(tracks))
-    return _turned_to_course(tracks, boxes.yaw_rad, elapsed_s)
+    return _turned_to_course(tracks, observations, elapsed_s)
 
 
 def _size_weights(observations: VehicleObservations) -> Float64:
@@ -285,12 +286,14 @@ def _riding_votes(tracks: VehicleTable) -> Int:
     return np.where(is_settled, tracks.riding_votes, votes)
 
 
-def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float64) -> VehicleTable:
-    """Choose front and rear by well-known velocities and, once they are fast, correct the heading by the course.
+def _turned_to_course(
+    tracks: VehicleTable, observations: VehicleObservations, elapsed_s: Float64
+) -> VehicleTable:
+    """Choose front and rear by log-odds and, once velocities are fast, correct the heading by the course.
 
-    A vehicle does not turn round within a scan: most of the latest velocities determine its front, and a slow one
-    keeps it. Most of the (T,) detected headings, those of the traffic there, determine the front of a vehicle that has
-    not moved: a box that jumps by a part of its length, as another of its ends is taken for hidden, has a speed, too.
+    A vehicle does not turn round within a scan: the way that it went lately tells its front, and what stops keeps it. Shape and
+    traffic, the mean of what its detections state, tell that of what has not moved: a box that jumps by a part of its length,
+    as another of its ends is taken for hidden, has a speed, too.
     """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     is_small = tracks.sizes_m[:, 0] < SMALL_LENGTH_M
@@ -304,23 +307,28 @@ def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float6
     axis = tracks.axis + weights[:, None] * _doubled(course_rad)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
-    is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
     is_moving = excess_m_s >= np.where(is_small, _SMALL_COURSE_SPEED_M_S, _FRONT_SPEED_M_S)
-    travelled_m = tracks.travelled_m + is_moving * tracks.speeds_m_s * elapsed_s
-    had_moved, has_moved = (one >= MIN_TRAVELLED_M for one in (tracks.travelled_m, travelled_m))
-    is_parked = ~has_moved & ~is_small
-    is_ahead = np.where(is_parked, np.abs(wrap(seen_rad - yaw_rad)) <= np.pi / 2, is_ahead)
-    vote = np.where(is_moving | is_parked, np.where(is_ahead, 1, -1), 0)
-    # The first motion outweighs all that the traffic around has suggested.
-    past_votes = np.where(has_moved & ~had_moved & ~is_small, 0, tracks.front_votes)
-    votes = np.minimum(past_votes + vote, _MAX_FRONT_VOTES)
+    ahead_m = is_moving * tracks.speeds_m_s * np.cos(course_rad - yaw_rad) * elapsed_s
+    lengths_m = np.maximum(tracks.sizes_m[:, 0], observations.boxes_world.size_m[:, 0])
+    travelled = tracks.travelled + ahead_m / (_FRONT_SHARE * lengths_m)
+    travelled = np.clip(travelled, -_MAX_TRAVELLED, _MAX_TRAVELLED)
+    is_stated = np.abs(wrap(observations.boxes_world.yaw_rad - yaw_rad)) <= np.pi / 2
+    stated = _front_odds(observations) * np.where(is_stated, 1, -1)
+    share = np.maximum(1 / tracks.detections, -np.expm1(-elapsed_s / _FRONT_MEMORY_S))
+    front_odds = tracks.front_odds + share * (stated - tracks.front_odds)
+    turn = np.where(front_odds + travelled < 0, -1, 1)
     return replace(
         tracks,
         axis=axis,
-        travelled_m=travelled_m,
-        yaw_rad=wrap(np.where(votes < 0, yaw_rad + np.pi, yaw_rad)),
-        front_votes=np.abs(votes),
+        yaw_rad=wrap(np.where(turn < 0, yaw_rad + np.pi, yaw_rad)),
+        travelled=turn * travelled,
+        front_odds=turn * front_odds,
     )
+
+
+def _front_odds(observations: VehicleObservations) -> Float64:
+    """Return (D,) log-odds of the stated fronts; 0 where they are not known."""
+    return -log_odds(np.nan_to_num(observations.reversal, nan=0.5))
 
 
 def _axes(observations: VehicleObservations) -> Float64:

@@ -35,6 +35,7 @@ from perception.tracking.vehicles.evidence import (
     probability,
     remembered,
 )
+from perception.tracking.vehicles.fronts import FrontRecord, shape_odds, with_fronts
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     FrameGeometry,
@@ -47,7 +48,6 @@ from perception.tracking.vehicles.surround_views import (
     without_views,
 )
 from perception.tracking.vehicles.track_update import (
-    MIN_TRAVELLED_M,
     RELOCATE_AFTER_S,
     SMALL_LENGTH_M,
     expected_boxes_px,
@@ -104,7 +104,7 @@ class VehicleTracker:
 
     def __init__(self, config: VehicleTrackerConfig | None = None) -> None:
         self._config = config or VehicleTrackerConfig()
-        self._shared_ids = SharedIds()
+        self._shared_ids, self._fronts = SharedIds(), FrontRecord()
         self.clear()
 
     def clear(self) -> None:
@@ -147,6 +147,9 @@ class VehicleTracker:
             views = surround_views(frame.stamp_s, world_SE3_velo)
             cameras, vehicles = [*cameras, *views], with_views(vehicles, views, real)
         self._sensor = SensorPose(world_SE3_velo[:2, 3], covariance)
+        by_shape = shape_odds(vehicles, frame.points_velo)
+        expected_rad = vehicles.boxes.yaw_rad
+        vehicles = with_fronts(vehicles, self._fronts.odds(vehicles, by_shape))
         self._predict(cameras[0])
         self._learn_classes(np.append(vehicles.fused.detections.types, vehicles.bev_types))
         observations = VehicleObservations.of(
@@ -157,6 +160,7 @@ class VehicleTracker:
         self._update_and_init(observations, cameras)
         self._tracks, row_of = merged(self._tracks, frame.stamp_s, cameras)
         self._track_of = row_of[self._track_of]
+        self._learn_fronts(expected_rad, by_shape, world_SE3_velo)
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
         tracked = self._with_tracks(self._with_classes(vehicles), cameras, types)
@@ -189,6 +193,18 @@ class VehicleTracker:
         known = self._tracks.class_evidence
         lowest = np.tile(known.min(axis=1, keepdims=True), len(new))
         self._tracks = replace(self._tracks, class_evidence=np.hstack([known, lowest]))
+
+    def _learn_fronts(
+        self, expected_rad: Float64, by_shape: Float64, world_SE3_velo: Float64
+    ) -> None:
+        """Note which vehicles head as expected, by their shapes and the ways that their tracks went."""
+        tracks = self._tracks[self._track_of]
+        yaw_rad = tracks.boxes_velo(tracks.sizes_m, world_SE3_velo).yaw_rad
+        is_ahead = np.cos(yaw_rad - expected_rad[self._seen]) > 0
+        odds = by_shape[self._seen] + tracks.travelled * np.where(is_ahead, 1, -1)
+        is_vehicle = tracks.is_located & (tracks.sizes_m[:, 0] >= SMALL_LENGTH_M)
+        rows = is_vehicle & np.isfinite(expected_rad[self._seen])
+        self._fronts.update(odds[rows], tracks.detections[rows] == 1, self._elapsed_s)
 
     def _update_and_init(
         self, observations: VehicleObservations, cameras: Sequence[FrameGeometry]
@@ -368,10 +384,10 @@ class VehicleTracker:
             is_known[is_located],
         )
         is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
-        has_moved = tracks.travelled_m >= MIN_TRAVELLED_M
         deviations = box_deviations(
-            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, is_known
+            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, is_known
         )
+        deviations = replace(deviations, reversal=tracks.reversal)
         return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from perception.tracking.tracker import GroundPlaneTracks
+from perception.tracking.vehicles.evidence import probability
 from perception.tracking.vehicles.motion_modes import MotionModes
 from perception.types import Bool, Float64, Int
 
@@ -61,10 +62,10 @@ class VehicleTable(GroundPlaneTracks):
         is_located: (T,) whether it was ever located by its returns; otherwise its position is assumed from its
             height in the image, and heading and size are void.
         last_located_s: (T,) time of the last detection that was located.
-        travelled_m: (T,) distance that it went while it surely moved.
+        travelled: (T,) distance ahead while it surely moved, in quarters of its length, which are log-odds of its front.
         riding_votes: (T,) detections at which it was surely faster than a walker, less those at which it was slower.
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
-        front_votes: (T,) observations of the course that agree with the heading, less those against it.
+        front_odds: (T,) log-odds of its front by its shape and the traffic.
         sizes_m: (T, 3) mean length, width and height.
         size_weights: (T, 3) weights of the observations of the mean.
     """
@@ -81,10 +82,10 @@ class VehicleTable(GroundPlaneTracks):
     anchors_px: Annotated[Float64, 3]
     is_located: Bool
     last_located_s: Float64
-    travelled_m: Float64
+    travelled: Float64
     riding_votes: Int
     axis: Annotated[Float64, 2]
-    front_votes: Int
+    front_odds: Float64
     sizes_m: Annotated[Float64, 3]
     size_weights: Annotated[Float64, 3]
 
@@ -92,6 +93,11 @@ class VehicleTable(GroundPlaneTracks):
         """Return the tracks with other motions."""
         merged = modes.merged
         return replace(self, modes=modes, mean=merged.mean, covariance=merged.covariance)
+
+    @property
+    def reversal(self) -> Float64:
+        """(T,) probability that the front is the rear."""
+        return probability(-np.maximum(self.front_odds + self.travelled, 0.0))
 
     @property
     def middles_world(self) -> Float64:

@@ -1,4 +1,4 @@
-"""Uncertainty of boxes: a hidden end is as uncertain as the class, sides by points and distance, fronts by motion."""
+"""Uncertainty of boxes: a hidden end is as uncertain as the class, sides by points and distance, fronts by traffic."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_half_the_error_of_a_size_is_that_of_the_centre_along_the_box():
     sizes = SizePriors.of(np.array(["Car", "Car"]))
     outlines = boxes(0.0, np.pi / 2)
     found = located_covariances(outlines, np.array([100, 100]), sizes)
-    stated = box_deviations(outlines, np.array([100, 100]), sizes, NONE)
+    stated = box_deviations(outlines, np.array([100, 100]), sizes)
     ends, sides_m2 = stated.size_m[0, :2] / 2, 0.06**2 + 0.05**2 + 0.16**2
     np.testing.assert_allclose(found[0, :2, :2], np.diag(ends**2 + sides_m2), atol=1e-12)
     np.testing.assert_allclose(found[1, :2, :2], np.diag(ends[::-1] ** 2 + sides_m2), atol=1e-12)
@@ -50,7 +50,7 @@ def test_a_hidden_end_stays_uncertain_however_long_it_is_tracked():
     sizes = SizePriors.of(np.array(["Car"]))
     sure = np.array([True])
     found = tracked_covariances(np.zeros((1, 4, 4)), boxes(0.0), sizes, sure)
-    stated = box_deviations(boxes(0.0), np.array([100]), sizes, sure, sure)
+    stated = box_deviations(boxes(0.0), np.array([100]), sizes, sure)
     np.testing.assert_allclose(found[0, 0, 0], (stated.size_m[0, 0] / 2) ** 2)
     assert stated.size_m[0, 0] > 0.7 * CAR.length.deviation_m
     filtered = tracked_covariances(np.eye(4)[None], boxes(0.0), sizes, sure) - found
@@ -60,15 +60,15 @@ def test_a_hidden_end_stays_uncertain_however_long_it_is_tracked():
 def test_a_single_scan_may_be_of_another_class():
     sizes = SizePriors.of(np.array(["Car", "Car"]))
     shown, counts = boxes(0.0, 0.0), np.array([100, 100])
-    once = box_deviations(shown, counts, sizes, NONE).size_m
-    often = box_deviations(shown, counts, sizes, NONE, ~NONE).size_m
+    once = box_deviations(shown, counts, sizes).size_m
+    often = box_deviations(shown, counts, sizes, ~NONE).size_m
     assert (once > often).all()
 
 
 def test_no_height_is_less_certain_than_that_of_the_class():
     sizes, counts = SizePriors.of(np.array(["Van"])), np.array([100])
     found_m = [
-        box_deviations(boxes(0.0, away_m=away_m), counts, sizes, NONE[:1]).size_m[0, 2]
+        box_deviations(boxes(0.0, away_m=away_m), counts, sizes).size_m[0, 2]
         for away_m in (10, 50, 200)
     ]
     assert found_m[0] < 0.2
@@ -77,8 +77,8 @@ def test_no_height_is_less_certain_than_that_of_the_class():
 
 def test_few_points_tell_no_axis_of_a_single_scan_and_some_of_a_track():
     sizes, counts = SizePriors.of(np.array(["Car", "Car"])), np.array([2, 100])
-    once = box_deviations(boxes(0.0, 0.0), counts, sizes, NONE).yaw_rad
-    tracked = box_deviations(boxes(0.0, 0.0), counts, sizes, NONE, ~NONE).yaw_rad
+    once = box_deviations(boxes(0.0, 0.0), counts, sizes).yaw_rad
+    tracked = box_deviations(boxes(0.0, 0.0), counts, sizes, ~NONE).yaw_rad
     np.testing.assert_allclose(once, [np.pi / np.sqrt(12), np.hypot(0.03, 0.14)])
     np.testing.assert_allclose(tracked, np.hypot(0.03, 0.3 / np.sqrt(counts)))
 
@@ -89,15 +89,14 @@ def test_people_are_located_by_few_points():
     assert few - many == pytest.approx(0.15**2 * 0.99)
 
 
-def test_motion_shows_the_front_and_an_outline_the_axis_of_what_has_sides():
+def test_traffic_tells_the_front_and_an_outline_the_axis_of_what_has_sides():
     sizes = SizePriors.of(np.array(["Car", "Car", "Pedestrian"]))
     found = box_deviations(
         boxes(0.0, 0.0, 0.0),
         np.array([100, 100, 100]),
         sizes,
-        np.array([False, True, False]),
     )
-    assert found.reversal.tolist() == [0.1, 0.02, 0.4]
+    assert found.reversal.tolist() == [0.1, 0.1, 0.4]
     assert found.yaw_rad[0] == pytest.approx(np.hypot(0.03, 0.14))
     # Of an axis of any direction.
     assert found.yaw_rad[2] == pytest.approx(np.pi / np.sqrt(12))

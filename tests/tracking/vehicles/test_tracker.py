@@ -187,13 +187,13 @@ def test_front_and_rear_stay_where_they_are_while_the_vehicle_stops_and_backs():
     assert (np.cos(backs) < -0.99).all()
 
 
-def test_a_parked_car_faces_as_the_traffic_where_it_was_mostly_seen():
-    drive, world = Drive(speed_m_s=0.0), cars((25.0, 6.0, 0.0))
-    drive.turn(0.5)  # so that the car is on the right at first
-    drive.observe(world)
+def test_a_parked_truck_faces_as_the_traffic_where_it_was_mostly_seen():
+    drive, world = Drive(speed_m_s=0.0), cars((25.0, 6.0, 0.0), size_m=(9.0, 2.5, 3.0))
+    drive.turn(0.5)  # so that it is on the right at first
+    drive.observe(world, types=("Truck",))
     drive.turn(-0.5)
     for _ in range(4):
-        oncoming = drive.observe(world).vehicles
+        oncoming = drive.observe(world, types=("Truck",)).vehicles
     assert abs(oncoming.boxes.yaw_rad[0]) == pytest.approx(np.pi, abs=0.1)
 
 
