@@ -40,6 +40,7 @@ from perception.obstacles.ground import ground_estimator
 from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E, LidarModel
+from perception.tracking.vehicles.fronts import FrontRecord, shape_odds, with_fronts
 from perception.types import MODALITIES, Drive, Frame, GroundModel, Progress, UInt8
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
@@ -71,6 +72,8 @@ class SceneLocator:
             searched = {0: 1.0} if "rgb" in scene.modality_detections else {}
             joined = join_bev(vehicles, found, frame, searched)
             vehicles = joined.select(np.flatnonzero(joined.cameras == 0))
+        odds = FrontRecord().odds(vehicles, shape_odds(vehicles, frame.points_velo))
+        vehicles = with_fronts(vehicles, odds)
         located = LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera_of(frame)[0])
         return LocatedScene(scene, located, has_bev=self.bev is not None)
 
