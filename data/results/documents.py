@@ -28,12 +28,16 @@ def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_ser
 
 
 def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuration or report
-    """Return dataclasses, arrays and paths as types that JSON and YAML have; NaN as None."""
+    """Return dataclasses, arrays and paths as types that JSON and YAML have; NaN as None.
+
+    Of a dataclass these are the fields by which it is compared.
+    """
     # What most values are comes first: a frame has thousands of numbers.
     if type(value) in _LEAVES:
         return None if type(value) is float and not math.isfinite(value) else value
     if dataclasses.is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        compared = (field.name for field in dataclasses.fields(value) if field.compare)
+        value = {name: getattr(value, name) for name in compared}
     if isinstance(value, dict):
         return {str(key): to_serializable(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
