@@ -2,7 +2,6 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-unexport PYTHONDONTWRITEBYTECODE  # tests start hundreds of processes
 
 .PHONY: demo test quick oldest lint fuzz mutants audit reliability docs wheel bench bench-compare weights thesis format clean help
 
@@ -176,26 +175,23 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
-# The bytecode of all that is installed takes a minute; Python writes that of what it imports.
-INSTALL := $(BIN)/python -m pip install --quiet --no-compile
-
 $(VENV)/.installed: $(BIN)/python pyproject.toml
-	$(INSTALL) --editable .
+	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
 # It demands older releases of rosbags and psutil, which reading packets does not need.
 OUSTER := "ouster-sdk>=1.0"
 $(VENV)/.installed-dev: $(BIN)/python pyproject.toml
-	$(INSTALL) --editable ".[dev]"
-	$(INSTALL) --no-deps $(OUSTER)
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --no-deps $(OUSTER)
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-fuzz: $(BIN)/python pyproject.toml
-	$(INSTALL) --editable ".[fuzz]"
+	$(BIN)/python -m pip install --quiet --editable ".[fuzz]"
 	@touch $@
 
 $(VENV)/.installed-bench: $(BIN)/python pyproject.toml
-	$(INSTALL) --editable ".[bench]"
+	$(BIN)/python -m pip install --quiet --editable ".[bench]"
 	@touch $@
 
 clean:
