@@ -112,7 +112,7 @@ def test_boxes_without_area_have_no_overlap():
             assert iou_bev(a, b)[0, 0] == iou_bev(b, a)[0, 0] == 0.0
 
 
-def test_boxes_apart_share_exactly_nothing():
+def test_disjoint_boxes_have_no_overlap():
     rng = np.random.default_rng(11)
     a, b = random_boxes(300, rng), random_boxes(300, rng)
     cut = np.array([shared_volume(*(prism(one[[row]]) for one in (a, b))) for row in range(300)])

@@ -1,7 +1,7 @@
 """Which end of a vehicle is its front, in log-odds: by its shape, by its motion, and by the traffic.
 
 The cabin of a car lies behind its middle, and its hood is lower than its rear. Where that is not seen, vehicles are taken to
-head as those do that keep to the right; how often this is so is learned from those whose shape or motion tells.
+head as the traffic does on its side; how often this is so is learned from those whose shape or motion tells.
 """
 
 from dataclasses import replace
@@ -13,23 +13,19 @@ from perception.tracking.vehicles.evidence import log_odds, probability, remembe
 from perception.types import Bool, Float, Float64, Int, Vehicles
 
 _SHAPED = ("Car", "Van")  # classes whose shape tells; on synthetic streets that of others does not
-_ENDS, _HIGH = (
-    0.3,
-    0.7,
-)  # share of the length from the middle, and of the height, beyond which ends and the cabin are
+# Share of the length from the middle, and of the height, beyond which ends and the cabin are.
+_ENDS, _HIGH = 0.3, 0.7
 _BODY = (0.55, 1.15)  # the same within which returns are of the body
 _MIN_RETURNS = 3  # of each end, and of the cabin
 # Log-odds by the difference of the heights of both ends, the mean place of high returns, and how far it is ahead of that of the
 # low ones, as shares of height and length: logistic regression over boxes from above of 350 frames of synthetic streets, of six
-# LiDARs of 16 to 64 beams. On real frames they are as right.
+# LiDARs of 16 to 64 beams.
 _ODDS = np.array([-4.4, -8.3, -4.2])
 _RANDOM_SHARE = 0.1  # of vehicles whose shape says nothing, as of boxes of another's returns
 # Shares of vehicles that head as expected, and the number of vehicles that are taken to have done so before any is seen.
 _SHARES, _EXPECTED = np.arange(0.025, 1, 0.05), 8.0
-_RECORD_S, _SAME_S = (
-    60.0,
-    4.0,
-)  # time constants of the memory of these, and of a vehicle that is one, not two
+# Time constants of the memory of these, and of a vehicle that is one, not two.
+_RECORD_S, _SAME_S = 60.0, 4.0
 
 
 def shape_odds(vehicles: Vehicles, points_velo: Float) -> Float64:
@@ -102,19 +98,12 @@ class FrontRecord:
         self._evidence += weights @ np.log(likelihoods)
 
 
-def with_fronts(vehicles: Vehicles, odds: Float64, rows: Int | None = None) -> Vehicles:
-    """Return vehicles whose stated front is the likelier end, by log-odds that it is the stated one.
-
-    Args:
-        vehicles: M vehicles.
-        odds: (M,) log-odds, or those of some rows.
-        rows: Rows of these; None for all.
-    """
-    rows = np.arange(len(vehicles)) if rows is None else rows
-    yaw_rad, reversal = vehicles.boxes.yaw_rad.copy(), vehicles.box_deviations.reversal.copy()
-    yaw_rad[rows] = wrap(yaw_rad[rows] + np.where(odds < 0, np.pi, 0.0))
-    reversal[rows] = np.where(np.isfinite(yaw_rad[rows]), probability(-np.abs(odds)), np.nan)
-    deviations = replace(vehicles.box_deviations, reversal=reversal)
+def with_fronts(vehicles: Vehicles, odds: Float64) -> Vehicles:
+    """Return vehicles whose stated front is the likelier end, by (M,) log-odds that it is the stated one."""
+    yaw_rad = wrap(vehicles.boxes.yaw_rad + np.where(odds < 0, np.pi, 0.0))
+    reversal = np.where(np.isfinite(yaw_rad), probability(-np.abs(odds)), np.nan)
     return replace(
-        vehicles, boxes=replace(vehicles.boxes, yaw_rad=yaw_rad), box_deviations=deviations
+        vehicles,
+        boxes=replace(vehicles.boxes, yaw_rad=yaw_rad),
+        box_deviations=replace(vehicles.box_deviations, reversal=reversal),
     )

@@ -174,7 +174,7 @@ def test_a_mistake_in_the_order_of_frames_is_named(name, drive_folder):
         labels_at(root)
 
 
-def test_a_damaged_scan_tells_nothing_of_the_labels(drive_folder):
+def test_labels_are_checked_without_a_damaged_scan(drive_folder):
     root = drive_folder(frames=8)
     writers.sustechpoints(root, 8)
     for frame in (0, 4):
