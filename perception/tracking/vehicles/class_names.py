@@ -123,8 +123,7 @@ def _of_names(
 
     A name that only other detectors give is that of its class.
     """
-    words = names.tolist()
-    row_of = {name: row for row, name in enumerate(dict.fromkeys(words))}
+    given, rows = np.unique(names, return_inverse=True)
     known = {name for one in percent.values() for name in one}
     found = np.array(
         [
@@ -134,11 +133,10 @@ def _of_names(
                 else 100 * (name == kind)
                 for kind in classes.tolist()
             ]
-            for name in row_of
+            for name in given.tolist()
         ],
         np.float64,
-    ).reshape(len(row_of), len(classes))
+    ).reshape(len(given), len(classes))
     shares = (1 - _RANDOM_SHARE) * found / 100 + _RANDOM_SHARE / len(known)
-    if "" in row_of:
-        shares[row_of[""]] = 1.0
-    return np.asarray(np.log(shares)[[row_of[name] for name in words]])
+    shares[given == ""] = 1.0
+    return np.asarray(np.log(shares)[rows])

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
@@ -75,11 +74,6 @@ _SIZES_M = np.array([(one.length, one.width, one.height) for one in CLASS_SIZES.
 _HAS_SIDES = np.array([one.has_sides for one in CLASS_SIZES.values()])
 
 
-@cache
-def _row_of(name: str) -> int:
-    return _ROW_OF.get(name.lower(), _OTHER)
-
-
 @dataclass(frozen=True)
 class SizePriors(ArrayTable):
     """Sizes that M objects have by their classes.
@@ -101,7 +95,7 @@ class SizePriors(ArrayTable):
     @classmethod
     def of(cls, types: NDArray[np.str_]) -> Self:
         """Return the sizes of M class names, in capitals or not."""
-        rows = np.fromiter(map(_row_of, types.tolist()), np.int64, len(types))
+        rows = np.array([_ROW_OF.get(name.lower(), _OTHER) for name in types.tolist()], np.int64)
         sizes_m = _SIZES_M[rows]
         return cls(sizes_m[:, 0], sizes_m[:, 1], sizes_m[:, 2], _HAS_SIDES[rows], rows)
 
