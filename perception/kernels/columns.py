@@ -69,20 +69,28 @@ def count_in_groups(groups: Int, chosen: Bool, size: int) -> Int:
     return counts
 
 
-@compiled((_POINTS, _POINTS, NUMBER))
-def are_in_cells_of(places: Float32, others: Float32, cell_m: float) -> Bool:
-    """Return which of (V, 3) places share a ground cell with one of (B, 3) others."""
-    is_among = np.zeros(len(places), np.bool_)
+@compiled((_POINTS, _POINTS, _GROUPS, NUMBER))
+def groups_near(places: Float32, others: Float32, groups: Int, cell_m: float) -> tuple[Int, Int]:
+    """Return (V,) the group, from 1, of one of (B, 3) others in the ground cell of each place, and in that or a neighbour.
+
+    Both are 0 where there is none.
+    """
+    inside, near = np.zeros(len(places), np.int64), np.zeros(len(places), np.int64)
     if len(places) == 0 or len(others) == 0:
-        return is_among
+        return inside, near
     of_others, extent = columns_of(others, cell_m)
     first_row, first_column, height, width = extent
-    is_occupied = np.zeros(height * width, np.bool_)
-    for cell in of_others:
-        is_occupied[cell] = True
+    held = np.zeros((2, height + 2, width + 2), np.int64)
+    for k in range(len(others)):
+        row, column = divmod(of_others[k], width)
+        held[0, row + 1, column + 1] = groups[k]
+        for i in range(row, row + 3):
+            for j in range(column, column + 3):
+                held[1, i, j] = groups[k]
     for k in range(len(places)):
-        row = int(np.floor(places[k, 0] / cell_m)) - first_row
-        column = int(np.floor(places[k, 1] / cell_m)) - first_column
-        if row >= 0 and row < height and column >= 0 and column < width:
-            is_among[k] = is_occupied[row * width + column]
-    return is_among
+        row = int(np.floor(places[k, 0] / cell_m)) - first_row + 1
+        column = int(np.floor(places[k, 1] / cell_m)) - first_column + 1
+        if row >= 0 and row < height + 2 and column >= 0 and column < width + 2:
+            inside[k] = held[0, row, column]
+            near[k] = inside[k] if inside[k] > 0 else held[1, row, column]
+    return inside, near

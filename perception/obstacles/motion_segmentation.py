@@ -8,7 +8,6 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
-from perception.kernels.columns import are_in_cells_of
 from perception.kernels.voxels import merge_voxels, remembered_voxels
 from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
@@ -16,7 +15,7 @@ from perception.obstacles.config import MotionConfig
 from perception.obstacles.free_space import FreeSpaceMemory, VisibilityHistory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
-from perception.obstacles.moving_clusters import NEAR_MOVING_M, VoxelColumns, moving_voxels
+from perception.obstacles.moving_clusters import BodiesBefore, VoxelColumns, moving_voxels
 from perception.obstacles.range_image import Visibility
 from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
 from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid
@@ -145,9 +144,10 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         pose = voxelized.world_SE3_velo
         # One measured point represents its voxel.
         places = above_ground.points_velo.take(voxels.first, axis=0)
-        before = se3.transform_points(
+        moved_m = se3.transform_points(
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
+        before = BodiesBefore.at(places, moved_m)
         history = self._memory.query(places)
         if len(places) == 0 or len(history.ages_s) == 0:
             moves = np.zeros(len(places), bool)
@@ -175,14 +175,13 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         places: Float32,
         clusters: Int,
         history: VisibilityHistory,
-        before: Float32,
+        before: BodiesBefore,
         moves: Bool,
     ) -> Bool:
         """Return which places belong to bodies of which most fills the place that it filled before."""
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (history.appeared | history.uncovered) & (history.states[0] != Visibility.HIT)
-        was_moving = are_in_cells_of(places, before, NEAR_MOVING_M)
-        occupied = OccupiedPlaces(places, clusters, is_new, was_moving, moves, self._area)
+        occupied = OccupiedPlaces(places, clusters, is_new, before.of > 0, moves, self._area)
         return moving_bodies(occupied, self._memory)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:

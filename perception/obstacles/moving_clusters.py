@@ -2,7 +2,8 @@
 
 A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
 joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
-(at least `min_voxels`, in enough scans, and more than those that persisted).
+(at least `min_voxels`, in enough scans, and more than those that persisted), or where nothing contradicts that it is a
+body that moved in the scan before.
 
 Leaves, fences and what is behind them appear in free space without moving, since beams find another way through them
 in every scan. Older scans have hit most of their voxels, and these persist whatever younger ones have found.
@@ -14,14 +15,18 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from perception.kernels.columns import columns_of, count_in_groups, joinable_columns
-from perception.kernels.neighbours import are_near
+from perception.kernels.columns import (
+    columns_of,
+    count_in_groups,
+    groups_near,
+    joinable_columns,
+)
 from perception.obstacles.free_space import VisibilityHistory
 from perception.obstacles.range_image import Visibility
-from perception.types import Bool, Float, Float64, Int, UInt8
+from perception.types import Bool, Float, Float32, Float64, Int, UInt8
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
-NEAR_MOVING_M = 1.0  # to voxels that moved in the scan before: 10 m/s at 10 Hz
+_NEAR_M = 0.7  # edge of the cells in which, or beside which, a body moved in the scan before: 10 m/s at 10 Hz
 # Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
 _GAP_RATIO = 2.0
 
@@ -36,16 +41,41 @@ _STOP_AGE_S = 0.3
 # at most a quarter of what it was when it was observed last, beside what an acceleration of 2 m/s² makes of it.
 _DEPARTED_GAP_M, _DEPARTED_GAP_RATIO, _DEPARTED_ACCELERATION_M_S2 = 1.0, 0.25, 2.0
 
+# Of a body of the scan before and its heir, the smaller number of voxels to the larger one. The heir moves where no more
+# than this share of its voxels contradicts.
+_SIZE_RATIO, _MAX_CONTRADICTED = 0.5, 0.15
+
 _WHOLE_OBJECT_RATIO = 0.5  # of an object's voxels that move, from which on all of it moves
 # Length of the moving part of an object from which on it is a vehicle, not a person.
 _VEHICLE_LENGTH_M = 2.0
-_PERSON_MARGIN_M = 0.3  # from the moving part of a person to the rest
+
+
+@dataclass(frozen=True)
+class BodiesBefore:
+    """Bodies that moved in the scan before, at V voxels of the newest.
+
+    Attributes:
+        of: (V,) the body that was in the ground cell of each voxel, from 1, 0 for none.
+        near: (V,) the same, or a body in a neighbouring cell.
+        sizes: Number of voxels of each body.
+    """
+
+    of: Int
+    near: Int
+    sizes: Int
+
+    @classmethod
+    def at(cls, centers_m: Float32, moved_m: Float32) -> "BodiesBefore":
+        """Return the bodies of (B, 3) voxels that moved, at (V, 3) voxels."""
+        bodies = VoxelColumns.over(moved_m).occupied if len(moved_m) else np.zeros(0, np.int64)
+        of, near = groups_near(centers_m, moved_m, bodies, _NEAR_M)
+        return cls(of, near, np.bincount(bodies, minlength=1))
 
 
 def moving_voxels(
-    centers_m: Float,
+    centers_m: Float32,
     history: VisibilityHistory,
-    moved_before_m: Float,
+    before: BodiesBefore,
     beam_step_rad: float,
     min_voxels: int = 10,
     columns: "VoxelColumns | None" = None,
@@ -55,7 +85,7 @@ def moving_voxels(
     Args:
         centers_m: (V, 3) positions of the voxels.
         history: Visibility of these positions in earlier scans.
-        moved_before_m: (B, 3) positions of voxels that moved in the scan before.
+        before: What moved in the scan before.
         beam_step_rad: Angle between two beams; between them, parts of one object lie apart.
         min_voxels: Smallest number of voxels of a moving cluster that appeared in free space.
         columns: Columns of the voxels, where they are known.
@@ -70,29 +100,40 @@ def moving_voxels(
     def count_by_cluster(voxels: Bool) -> Float64:
         return np.asarray(count_in_groups(cluster, voxels, clusters), np.float64)
 
-    leaves = count_by_cluster(history.uncovered) * _is_own_departure(cluster, clusters, history)
+    came, kept_away = _departures(cluster, clusters, history)
+    leaves = count_by_cluster(history.uncovered) * ((came > 0) & (came >= kept_away))
     appeared = count_by_cluster(history.appeared) + leaves
-    was_near = np.zeros(len(cluster), bool)
-    was_near[cluster > 0] = _are_near_moving(centers_m[cluster > 0], moved_before_m)
-    goes_on = count_by_cluster(was_near) > 0
-    required = np.where(goes_on, 1, min_voxels * static_weight)
-    moves = appeared >= required
-    moves &= appeared > count_by_cluster(history.persisted) * static_weight
-    came = np.where(history.appeared | history.uncovered, history.states, Visibility.UNKNOWN)
-    is_hit = came == Visibility.HIT
-    is_clear = (came == Visibility.FREE) | (came == Visibility.UNCOVERED)
-    if history.ages_s[0] >= _STOP_AGE_S:
-        moves &= (count_by_cluster(is_clear[0]) > 0) | (count_by_cluster(is_hit[0]) == 0)
-    moves[0] = False
-    observations = np.bincount(cluster, (is_clear | is_hit).sum(axis=0), clusters)
+    persisted = count_by_cluster(history.persisted) * static_weight
+    goes_on = count_by_cluster(before.near > 0) > 0
+    moves = (appeared >= np.where(goes_on, 1, min_voxels * static_weight)) & (appeared > persisted)
+    new = np.flatnonzero(history.appeared | history.uncovered)
+    states, of_new = history.states[:, new], cluster[new]
+    is_hit = states == Visibility.HIT
+    is_clear = (states == Visibility.FREE) | (states == Visibility.UNCOVERED)
+    observations = np.bincount(of_new, (is_clear | is_hit).sum(axis=0), clusters)
     moves &= goes_on | (observations >= _MIN_OBSERVATIONS)
+    sizes = np.bincount(cluster, minlength=clusters)
+    contradicted = persisted + np.maximum(kept_away - came, 0)
+    moves |= _heirs(cluster, before) & (contradicted <= _MAX_CONTRADICTED * sizes)
+    if history.ages_s[0] >= _STOP_AGE_S:
+        was_clear, was_hit = (np.bincount(of_new, one[0], clusters) for one in (is_clear, is_hit))
+        moves &= (was_clear > 0) | (was_hit == 0)
+    moves[0] = False
     return _complete(centers_m, columns, moves[cluster], history.persisted)
 
 
-def _are_near_moving(centers_m: Float, moving_m: Float) -> Bool:
-    """Return which of (V, 3) places have one of (B, 3) moving ones within reach over the ground plane."""
-    others = np.asarray(moving_m[np.argsort(moving_m[:, 0]), :2], np.float64, order="C")
-    return are_near(np.asarray(centers_m[:, :2], np.float64, order="C"), others, NEAR_MOVING_M)
+def _heirs(cluster: Int, before: BodiesBefore) -> Bool:
+    """Return which clusters are bodies of the scan before: each the nearest to one, and about as large as it."""
+    near, bodies = np.flatnonzero((cluster > 0) & (before.near > 0)), len(before.sizes)
+    pairs, counts = np.unique(cluster[near] * bodies + before.near[near], return_counts=True)
+    heir, body = np.divmod(pairs[np.argsort(counts, kind="stable")], bodies)
+    heir_of: Int = np.zeros(bodies, np.int64)
+    heir_of[body] = heir  # the last one, with most voxels near the body, stays
+    sizes = np.bincount(cluster)
+    ratio = sizes[heir_of] / np.maximum(before.sizes, 1)
+    is_heir = np.zeros(len(sizes), bool)
+    is_heir[heir_of[(ratio >= _SIZE_RATIO) & (ratio <= 1 / _SIZE_RATIO)]] = True
+    return is_heir
 
 
 def _static_weight(history: VisibilityHistory) -> float:
@@ -160,7 +201,7 @@ def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_h
         rows = np.flatnonzero(whole == number)
         outline = _Rectangle.around(centers_m[rows[moves[rows]], :2])
         is_person = 2 * outline.half_m.max() < _VEHICLE_LENGTH_M
-        reach_m = _PERSON_MARGIN_M if is_person else np.inf
+        reach_m = _CELL_M if is_person else np.inf
         is_part = outline.contains(centers_m[rows, :2], reach_m)
         completed[rows] |= is_part & ~(was_always_hit[rows] & is_person)
     return completed
@@ -186,8 +227,8 @@ class _Rectangle:
         return np.asarray((away_m <= margin_m).all(axis=1))
 
 
-def _is_own_departure(cluster: Int, clusters: int, history: VisibilityHistory) -> Bool:
-    """Return for which clusters the departed object before them is their own back, observed earlier.
+def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tuple[Int, Int]:
+    """Return how many voxels of each cluster tell that the departed object before it is its own back, and how many not.
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
     path is extrapolated to now. An object that appears behind a passer-by keeps some distance to him, even where
@@ -210,4 +251,4 @@ def _is_own_departure(cluster: Int, clusters: int, history: VisibilityHistory) -
         keeps_away = behind_twice & (gap_now_m > limit_m)
     # One observation can only confirm: the gap may still be shrinking.
     came, kept_away = (np.bincount(cluster, one, clusters) for one in (comes, keeps_away))
-    return np.asarray((came > 0) & (came >= kept_away))
+    return came, kept_away

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.kernels.columns import are_in_cells_of, count_in_groups, joinable_columns
+from perception.kernels.columns import count_in_groups, groups_near, joinable_columns
 from perception.obstacles.moving_clusters import VoxelColumns
 from perception.types import Bool, Float32, Int
 
@@ -59,11 +59,15 @@ def test_chosen_places_are_counted_in_their_groups() -> None:
     assert count_in_groups(groups, chosen, 4).tolist() == [1, 0, 2, 0]
 
 
-def test_places_that_share_a_cell_with_others() -> None:
+def test_places_are_near_groups_in_their_cell_or_a_neighbour() -> None:
     some, others = places(400, seed=1), places(60, seed=2, reach_m=8.0)
-    cells = {tuple(cell) for cell in np.floor(others[:, :2] / 0.5).astype(int).tolist()}
-    expected = [tuple(cell) in cells for cell in np.floor(some[:, :2] / 0.5).astype(int).tolist()]
-    assert 0 < sum(expected) < len(some)
-    assert are_in_cells_of(some, others, 0.5).tolist() == expected
-    assert not are_in_cells_of(some, others[:0], 0.5).any()
-    assert len(are_in_cells_of(some[:0], others, 0.5)) == 0
+    groups, cell_m = np.arange(60) % 5 + 1, 0.5
+    inside, near = groups_near(some, others, groups, cell_m)
+    cells, held = (np.floor(one[:, :2] / cell_m).astype(int) for one in (some, others))
+    for cell, of_cell, around in zip(cells, inside, near, strict=True):
+        away = np.abs(held - cell).max(axis=1)
+        assert of_cell in groups[away == 0] or (of_cell == 0 and away.min() > 0)
+        assert around == of_cell if of_cell else around in groups[away == 1] or away.min() > 1
+    assert 0 < np.count_nonzero(inside) < np.count_nonzero(near) < len(some)
+    assert not np.any(groups_near(some, others[:0], groups[:0], cell_m))
+    assert len(groups_near(some[:0], others, groups, cell_m)[0]) == 0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.obstacles.free_space import VisibilityHistory
-from perception.obstacles.moving_clusters import moving_voxels
+from perception.obstacles.moving_clusters import BodiesBefore, moving_voxels
 from perception.obstacles.range_image import Visibility
 
 STEP_RAD = 0.007
@@ -40,7 +40,8 @@ def test_older_scans_decide_and_the_youngest_where_they_are_blind():
 def moves(states, voxels=12, before=NOWHERE, **options):
     places = column(5.0, 0.0, voxels)
     word_for_each = [states] * voxels if isinstance(states, str) else states
-    return moving_voxels(places, history(*word_for_each, **options), before, STEP_RAD)
+    bodies = BodiesBefore.at(places, before)
+    return moving_voxels(places, history(*word_for_each, **options), bodies, STEP_RAD)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def test_an_object_moves_where_its_place_was_empty(states, expected):
 def test_a_few_voxels_count_only_beside_what_moved_before():
     assert not moves("FFF", voxels=6).any()
     assert moves("FFF", voxels=6, before=column(5.4, 0.0, 3)).all()
-    assert not moves("FFF", voxels=6, before=column(6.0, 0.0, 3)).any()
+    assert not moves("FFF", voxels=6, before=column(7.1, 0.0, 3)).any()
 
 
 def test_occluded_voxels_move_with_those_that_appeared():
@@ -85,25 +86,51 @@ def test_the_gap_to_a_leaving_object_may_end_a_little_above_0(oldest_m, expected
     assert moves("LLL", gaps_m=gaps, ages_s=ages_s).tolist() == [expected] * 12
 
 
+@pytest.mark.parametrize(
+    ("states", "before", "expected"),
+    [
+        (["---"] * 12, 12, True),
+        (["---"] * 12, 25, False),
+        (["---"] * 12, 5, False),
+        (["---"] * 11 + ["HHH"], 12, True),
+        (["---"] * 10 + ["HHH"] * 2, 12, False),
+    ],
+    ids=["hidden", "larger before", "smaller before", "one place was hit", "two were hit"],
+)
+def test_what_nothing_tells_of_goes_on_as_the_body_that_it_was(states, before, expected):
+    assert moves(states, before=column(5.6, 0.0, before)).tolist() == [expected] * 12
+
+
+def test_of_two_clusters_near_a_body_one_goes_on():
+    places = np.vstack([column(5.0, 0.0, 12), column(5.0, 1.0, 14)])
+    before = BodiesBefore.at(places, column(5.0, 0.5, 12))
+    states = history(*["---"] * 26)
+    assert moving_voxels(places, states, before, STEP_RAD).tolist() == [False] * 12 + [True] * 14
+
+
 @pytest.mark.parametrize(("away_m", "is_one"), [(5.0, False), (25.0, True)])
 def test_parts_are_one_cluster_where_the_beams_leave_such_a_gap(away_m, is_one):
     places = np.vstack([column(away_m, 0.0, 12), column(away_m, 0.85, 12)])
     states = history(*["FFF"] * 12, *["---"] * 12)
-    moving = moving_voxels(places, states, NOWHERE, beam_step_rad=np.radians(2))
+    moving = moving_voxels(
+        places, states, BodiesBefore.at(places, NOWHERE), beam_step_rad=np.radians(2)
+    )
     assert moving.tolist() == [True] * 12 + [is_one] * 12
 
 
 def test_a_slow_car_s_side_moves_with_its_front():
     places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(16)])
     appeared = ["FFF"] * 60 + ["HHH"] * 36
-    assert moving_voxels(places, history(*appeared), NOWHERE, STEP_RAD).all()
+    assert moving_voxels(
+        places, history(*appeared), BodiesBefore.at(places, NOWHERE), STEP_RAD
+    ).all()
 
 
 def test_a_walker_does_not_make_the_wall_beside_him_move():
     wall = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(12)])
     places = np.vstack([wall, column(6.0, 0.3, 14)])
     states = history(*["HHH"] * 72, *["FFF"] * 14)
-    assert moving_voxels(places, states, NOWHERE, STEP_RAD).tolist() == [
+    assert moving_voxels(places, states, BodiesBefore.at(places, NOWHERE), STEP_RAD).tolist() == [
         *[False] * 72,
         *[True] * 14,
     ]
@@ -126,7 +153,8 @@ def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
     walker, post = column(5.0, 0.0, 20), column(4.75, 0.0, 8)
     bush = np.vstack([column(5.0, y, 2) for y in (0.25, 0.5, 0.75)])
     states = history(*["FFF"] * 20, *["HHH"] * 5, *["---"] * 3, *["HHH", "---"] * 3)
-    moving = moving_voxels(np.vstack([walker, post, bush]), states, NOWHERE, STEP_RAD)
+    places = np.vstack([walker, post, bush])
+    moving = moving_voxels(places, states, BodiesBefore.at(places, NOWHERE), STEP_RAD)
     assert moving[:20].all()
     # A leg that was hidden before the post moves with him.
     assert moving[20:28].tolist() == [False] * 5 + [True] * 3
@@ -135,4 +163,6 @@ def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
 
 def test_without_history_no_voxel_moves():
     none = VisibilityHistory(np.zeros(0), np.zeros((0, 12), np.uint8), np.zeros((0, 12)))
-    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, STEP_RAD).any()
+    places = column(5, 0, 12)
+    still = BodiesBefore.at(places, NOWHERE)
+    assert not moving_voxels(places, none, still, STEP_RAD).any()
