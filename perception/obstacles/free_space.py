@@ -18,11 +18,8 @@ from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, UInt8
 
 # Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
-# 5 cm and the slant of a surface within a pixel.
+# 5 cm and the slant of a surface within a pixel. A place tells nothing where the poses of two scans put it farther apart.
 MARGIN_M = 0.2
-# A place tells nothing where the poses of two scans may put it farther apart than this: a deviation, beyond the largest of
-# faultless drives (0.26 m). What does not move would fill free space there.
-_MAX_DEVIATION_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -133,10 +130,10 @@ class FreeSpaceMemory:
         """Return which (P, 3) places the poses of the newest scan and of another do not locate well enough."""
         covariance = self._scans[-1].covariance + covariance
         # Deviations grow with range: as a rule not even the farthest place is doubtful.
-        if plane_deviations_m(covariance, self._reach_m)[0] < _MAX_DEVIATION_M:
+        if plane_deviations_m(covariance, self._reach_m)[0] < MARGIN_M:
             return np.zeros(len(points_velo), bool)
         ranges_m = np.hypot(points_velo[:, 0], points_velo[:, 1])
-        return np.asarray(plane_deviations_m(covariance, ranges_m) > _MAX_DEVIATION_M)
+        return np.asarray(plane_deviations_m(covariance, ranges_m) > MARGIN_M)
 
     def visibility(self, points_velo: Float32, age: int) -> PointVisibility:
         """Return the visibility of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
