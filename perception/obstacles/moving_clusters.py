@@ -113,7 +113,8 @@ def moving_voxels(
     observations = np.bincount(of_new, (is_clear | is_hit).sum(axis=0), clusters)
     moves &= goes_on | (observations >= _MIN_OBSERVATIONS)
     sizes = np.bincount(cluster, minlength=clusters)
-    contradicted = persisted + np.maximum(kept_away - came, 0)
+    # A gap that was kept, which is that of two surfaces, tells half as much as a return.
+    contradicted = persisted + np.maximum(kept_away / 2 - came, 0)
     moves |= _heirs(cluster, before) & (contradicted <= _MAX_CONTRADICTED * sizes)
     if history.ages_s[0] >= _STOP_AGE_S:
         was_clear, was_hit = (np.bincount(of_new, one[0], clusters) for one in (is_clear, is_hit))
@@ -235,20 +236,23 @@ def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tupl
     several sides of his occluded it in turn. Where the gap of then was far too large, something else was in the way,
     nearer to the sensor, and tells nothing.
     """
-    young_s, old_s = history.ages_s[0], history.ages_s[-1]
+    young_s, *older_s = history.ages_s.tolist()
     behind = np.flatnonzero(history.uncovered & (history.states[0] == Visibility.UNCOVERED))
     cluster, gap_m = cluster[behind], history.gaps_m[0, behind]
-    comes, keeps_away = gap_m < _DEPARTED_GAP_M, np.zeros(len(behind), bool)
-    if old_s > young_s:
-        behind_twice = history.states[-1, behind] == Visibility.UNCOVERED
-        gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1, behind]) / (old_s - young_s)
+    was_behind, comes, keeps_away = np.zeros((3, len(behind)), bool)
+    for row, old_s in enumerate(older_s, start=1):
+        if old_s == young_s:
+            continue
+        behind_twice = history.states[row, behind] == Visibility.UNCOVERED
+        gap_now_m = (old_s * gap_m - young_s * history.gaps_m[row, behind]) / (old_s - young_s)
         # By how much an object that speeds up falls short of its steady path.
         short_m = young_s * old_s / 2 * _DEPARTED_ACCELERATION_M_S2
         limit_m = np.minimum(gap_m / 2, _DEPARTED_GAP_RATIO * gap_m + short_m)
         limit_m = np.minimum(limit_m, _DEPARTED_GAP_M)
-        is_steady = (gap_now_m >= -_DEPARTED_GAP_M) & (gap_now_m <= limit_m)
-        comes = np.where(behind_twice, is_steady, comes)
-        keeps_away = behind_twice & (gap_now_m > limit_m)
+        was_behind |= behind_twice
+        comes |= behind_twice & (gap_now_m >= -_DEPARTED_GAP_M) & (gap_now_m <= limit_m)
+        keeps_away |= behind_twice & (gap_now_m > limit_m)
+    comes = np.where(was_behind, comes & ~keeps_away, gap_m < _DEPARTED_GAP_M)
     # One observation can only confirm: the gap may still be shrinking.
     came, kept_away = (np.bincount(cluster, one, clusters) for one in (comes, keeps_away))
     return came, kept_away

@@ -70,8 +70,9 @@ def test_occluded_voxels_move_with_those_that_appeared():
         ((3.0, 3.0, 3.0), False),
         ((0.3, 0.35, 0.4), False),
         ((3.8, 16.9, 16.0), False),
+        ((3.3, 3.4, 9.0), False),
     ],
-    ids=["drives away", "hidden by a passer-by", "hidden by one close to it", "by two in turn"],
+    ids=["drives away", "hidden by a passer-by", "hidden by one close to it", "by two in turn", "by another before"],
 )  # fmt: skip
 def test_a_leaving_object_differs_from_one_that_was_occluded(gaps_m, expected):
     gaps = np.repeat(np.array(gaps_m)[:, None], 12, axis=1)
