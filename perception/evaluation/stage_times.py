@@ -29,7 +29,10 @@ _SAVINGS: Sequence[tuple[str, str, tuple[str, ...]]] = (
     (
         f"{_NO_DEPTHCN} --pipeline.detection.modalities []",
         "all detectors of vehicles",
-        (*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion", "vehicles"),
+        (
+            *(*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion"),
+            *("vehicle location", "vehicles"),
+        ),
     ),
 )
 

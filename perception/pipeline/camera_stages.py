@@ -137,9 +137,10 @@ class CameraStages(Restorable):
             above = None if bev is None else bev.result()
             if above is not None:
                 clock.add(above.span, started_s)
-            lidar_result = lidar.result.result()
             found = None if above is None else above.vehicles
-            vehicles = self._locate_and_track(frame, detections, found, lidar_result, clock)
+            located = self._locate(frame, detections, found, lidar, clock, has_scan=has_scan)
+            lidar_result = lidar.result.result()
+            vehicles = self._track(frame, detections, located, lidar_result, clock)
         result = lidar_result.of_frame(measured)
         if vehicles is not None:
             main, *further = (_modality_detections(one) for one in detections)
@@ -251,47 +252,67 @@ class CameraStages(Restorable):
             return output.fused
         return self._detectors.fusion.fuse(output.scene.without(*lost))
 
-    def _locate_and_track(
+    def _locate(
         self,
         frame: Frame,
         detections: Sequence[MultimodalOutput | None],
         found: Vehicles | None,
-        lidar: LidarResult,
+        lidar: LidarFutures,
         clock: StageClock,
-    ) -> VehicleTrackerResult | None:
-        """Return the detections in each camera and those from above as tracked vehicles on the road, each once."""
-        if lidar.is_reset:
-            self._tracker.clear()
+        *,
+        has_scan: bool,
+    ) -> Vehicles | None:
+        """Return the detections in each camera and those from above on the road, each once, once the ground is known."""
         if found is None and all(one is None for one in detections):
             return None
-        with clock.stage("vehicles"):
+        ground, is_now = lidar.ground.result(), has_scan
+        if ground is None:
+            last = lidar.result.result()
             # What was seen at another time says nothing of now.
-            is_now = not lidar.is_predicted or frame.stamp_s == lidar.scan.stamp_s
-            if frame.stamp_s != lidar.scan.stamp_s:
-                frame = replace(frame, stamp_s=lidar.scan.stamp_s)
+            ground, is_now = last.ground, has_scan or frame.stamp_s == last.scan.stamp_s
+        with clock.stage("vehicle location"):
             located = {
                 camera: locate(
                     self._fused(one, camera) if is_now else one.fused[:0],
                     frame.views[camera],
-                    lidar.ground,
+                    ground,
                     self._vehicles,
-                    uses_scan=not lidar.is_predicted,
+                    uses_scan=has_scan,
                 )
                 for camera, one in enumerate(detections)
                 if one is not None
             }
             vehicles = join_cameras(located, frame, self._vehicles.min_existence)
-            if found is not None and is_now:
-                searched = {
-                    camera: self._sources.works(camera, "rgb")
-                    for camera, one in enumerate(detections)
-                    if _has_searched_image(one)
-                }
-                vehicles = join_bev(vehicles, found, frame, searched)
+            if found is None or not is_now:
+                return vehicles
+            searched = {
+                camera: self._sources.works(camera, "rgb")
+                for camera, one in enumerate(detections)
+                if _has_searched_image(one)
+            }
+            return join_bev(vehicles, found, frame, searched)
+
+    def _track(
+        self,
+        frame: Frame,
+        detections: Sequence[MultimodalOutput | None],
+        located: Vehicles | None,
+        lidar: LidarResult,
+        clock: StageClock,
+    ) -> VehicleTrackerResult | None:
+        """Return located detections as tracked vehicles."""
+        if lidar.is_reset:
+            self._tracker.clear()
+        if located is None:
+            return None
+        with clock.stage("vehicles"):
+            is_now = not lidar.is_predicted or frame.stamp_s == lidar.scan.stamp_s
+            if frame.stamp_s != lidar.scan.stamp_s:
+                frame = replace(frame, stamp_s=lidar.scan.stamp_s)
             scenes = [None if one is None else one.scene for one in detections]
-            self._sources.update(frame.stamp_s, vehicles, scenes if is_now else [])
+            self._sources.update(frame.stamp_s, located, scenes if is_now else [])
             pose, covariance = lidar.world_SE3_velo, lidar.scan.covariance
-            return self._tracker.update(vehicles, frame, pose, lidar.tracks, covariance)
+            return self._tracker.update(located, frame, pose, lidar.tracks, covariance)
 
 
 def _modality_detections(output: MultimodalOutput | None) -> ModalityDetections:

@@ -1,8 +1,8 @@
 """One frame through every stage, in real time and in bounded memory.
 
     LiDAR worker   | scan health - registration - ground - voxels - static and moving - moving objects -.
-                   |     |                                                                            |
-    camera worker  | image health - maps -.- DepthCN --------.- fusion ------------------------------- vehicles - Result
+                   |     |                        |                                                   |
+    camera worker  | image health - maps -.- DepthCN --------.- fusion - vehicle location ----------- vehicles - Result
     its threads    |    `- bird's-eye view `- three detectors -'
 
 Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
@@ -156,7 +156,7 @@ class Pipeline:
         return replace(result, snapshot=self._lidar.snapshot()) if has_snapshot else result
 
     def _run_camera_stages(self, frame: Frame, arrival_s: float, lidar: LidarFutures) -> Result:
-        """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
+        """Run maps, detectors, fusion and DepthCN; then, as the LiDAR stages' results come, location and vehicles."""
         clock = StageClock(self._camera_worker.name, arrival_s)
         result = self._camera.step(frame, lidar, clock)
         snapshot = lidar.result.result().snapshot

@@ -18,6 +18,7 @@ from perception.errors import ModelError, PoseError
 from perception.geometry.grids import LocalArea
 from perception.maps.densify import densify
 from perception.maps.projection import VIRTUAL_CAMERA
+from perception.obstacles.motion_segmentation import FreeSpaceSegmenter
 from perception.pipeline import Pipeline, PipelineConfig, camera_stages
 from perception.pipeline.lidar_stages import LidarStages
 from perception.types import MODALITIES
@@ -25,7 +26,8 @@ from perception.types import MODALITIES
 STAGES = {
     *("scan health", "image health", "calibration"),
     *("registration", "ground", "voxels", "static and moving", "moving objects", "DepthCN"),
-    *("maps", "rgb detector", "dm detector", "rm detector", "bev detector", "fusion", "vehicles"),
+    *("maps", "rgb detector", "dm detector", "rm detector", "bev detector", "fusion"),
+    *("vehicle location", "vehicles"),
 }
 
 
@@ -72,7 +74,8 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
-        *("image health", "maps", "DepthCN", "fusion", "vehicles", "calibration")
+        *("image health", "maps", "DepthCN", "fusion"),
+        *("vehicle location", "vehicles", "calibration"),
     ]
     workers = {span.worker for span in result.spans}
     assert {"obstacles", "vehicles"} < workers
@@ -107,6 +110,26 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         result = pipeline.step(street_frames[0])
     assert waited == [True]
     assert result.depthcn is not None
+
+
+def test_vehicles_are_located_while_obstacles_are_segmented(street_frames, all_stages, monkeypatch):
+    has_located, waited = threading.Event(), []
+    locate, voxelize = camera_stages.locate, FreeSpaceSegmenter.voxelize
+
+    def locate_and_signal(*given, **named):
+        located = locate(*given, **named)
+        has_located.set()
+        return located
+
+    def voxelize_late(*given):
+        waited.append(has_located.wait(timeout=20))
+        return voxelize(*given)
+
+    monkeypatch.setattr(camera_stages, "locate", locate_and_signal)
+    monkeypatch.setattr(FreeSpaceSegmenter, "voxelize", voxelize_late)
+    with Pipeline(config=all_stages) as pipeline:
+        pipeline.step(street_frames[0])
+    assert waited == [True]
 
 
 def test_depthcn_runs_while_the_networks_of_images_and_maps_run(
