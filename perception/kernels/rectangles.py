@@ -104,10 +104,12 @@ def best_rectangles(
                 for i in range(9):
                     x, x_cost = _place(i // 3, low[0], high[0], along_m)
                     y, y_cost = _place(i % 3, low[1], high[1], left_m)
+                    cost = size_cost + x_cost + y_cost
+                    if cost >= best:
+                        continue
                     for u in range(2):
                         middle[u] = per_m[u, 0] * x + per_m[u, 1] * y
                         middle[u] += P[2 * u, 2] * heights_m[f] + P[2 * u, 3]
-                    cost = size_cost + x_cost + y_cost
                     cost += _span_cost(middle, half, columns_px[f], width_px)
                     if cost < best:
                         best = cost
