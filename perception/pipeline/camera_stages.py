@@ -139,6 +139,10 @@ class CameraStages(Restorable):
                 clock.add(above.span, started_s)
             found = None if above is None else above.vehicles
             located = self._locate(frame, detections, found, lidar, clock, has_scan=has_scan)
+            # What it finds changes later frames alone.
+            compared = usable if has_scan else replace(usable, image=None)
+            pose = lidar.posed_ground().world_SE3_velo
+            off = clock.run("calibration", self._miscalibration.update, compared, pose)
             lidar_result = lidar.result.result()
             vehicles = self._track(frame, detections, located, lidar_result, clock)
         result = lidar_result.of_frame(measured)
@@ -152,9 +156,6 @@ class CameraStages(Restorable):
                 tracks=vehicles.tracks,
                 further_detections=tuple(further),
             )
-        # What it finds changes later frames alone.
-        compared = usable if has_scan else replace(usable, image=None)
-        off = clock.run("calibration", self._miscalibration.update, compared, result.world_SE3_velo)
         spans = result.spans + clock.spans
         return replace(
             result,
@@ -265,11 +266,9 @@ class CameraStages(Restorable):
         """Return the detections in each camera and those from above on the road, each once, once the ground is known."""
         if found is None and all(one is None for one in detections):
             return None
-        ground, is_now = lidar.ground.result(), has_scan
-        if ground is None:
-            last = lidar.result.result()
-            # What was seen at another time says nothing of now.
-            ground, is_now = last.ground, has_scan or frame.stamp_s == last.scan.stamp_s
+        ground = lidar.posed_ground().ground
+        # What was seen at another time says nothing of now.
+        is_now = has_scan or frame.stamp_s == lidar.result.result().scan.stamp_s
         with clock.stage("vehicle location"):
             located = {
                 camera: locate(

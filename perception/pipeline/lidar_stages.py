@@ -99,18 +99,33 @@ class LidarResult:
         )
 
 
+class PosedGround(NamedTuple):
+    """Ground of a scan, and the (4, 4) pose of its LiDAR, drawn to the INS."""
+
+    ground: GroundModel
+    world_SE3_velo: Float64
+
+
 class LidarFutures(NamedTuple):
     """What the LiDAR worker finds out of one frame, in this order.
 
     Attributes:
         health: Health of LiDAR and INS.
-        ground: Ground of the scan; None where it is not known of this one.
+        ground: Ground and pose of the scan; None where they are not known of this one.
         result: Result of all LiDAR stages.
     """
 
     health: Future[Health]
-    ground: Future[GroundModel | None]
+    ground: Future[PosedGround | None]
     result: Future[LidarResult]
+
+    def posed_ground(self) -> PosedGround:
+        """Return ground and pose as soon as they are known."""
+        early = self.ground.result()
+        if early is not None:
+            return early
+        late = self.result.result()
+        return PosedGround(late.ground, late.world_SE3_odom @ late.world_SE3_velo)
 
 
 class LidarStages(Restorable):
@@ -164,7 +179,7 @@ class LidarStages(Restorable):
         clock: StageClock,
         *,
         with_datmo: bool = True,
-        on_ground: Callable[[GroundModel], object] | None = None,
+        on_ground: Callable[[PosedGround], object] | None = None,
     ) -> LidarResult:
         """Run the stages on a frame, in their order.
 
@@ -173,7 +188,7 @@ class LidarStages(Restorable):
             health: Health of LiDAR and INS in it, by `check`.
             clock: Clock of the stages.
             with_datmo: Whether moving objects are detected and tracked, where DATMO is on.
-            on_ground: Function that takes the ground of the scan as soon as it is known.
+            on_ground: Function that takes ground and pose of the scan as soon as they are known.
 
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
@@ -192,7 +207,8 @@ class LidarStages(Restorable):
                 return self._segment_alone(frame, self._last, scans, health, clock)
         ground = clock.run("ground", self._ground.update, scans.window)
         if on_ground is not None:
-            on_ground(ground)
+            pose = scans.world_SE3_odom @ scans.window.newest.world_SE3_velo
+            on_ground(PosedGround(ground, pose))
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
         obstacles = clock.run("static and moving", self._motion.segment, voxels)
         self._registration.mark_moving(obstacles.point_states == PointState.MOVING)

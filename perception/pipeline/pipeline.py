@@ -1,8 +1,8 @@
 """One frame through every stage, in real time and in bounded memory.
 
     LiDAR worker   | scan health - registration - ground - voxels - static and moving - moving objects -.
-                   |     |                        |                                                   |
-    camera worker  | image health - maps -.- DepthCN --------.- fusion - vehicle location ----------- vehicles - Result
+                   |     |                         |                                                  |
+    camera worker  | image health - maps -.- DepthCN --------.- fusion - vehicle location - calibration - vehicles - Result
     its threads    |    `- bird's-eye view `- three detectors -'
 
 Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
@@ -20,12 +20,12 @@ from perception.geometry.threads import find_blas, limit_opencv_threads, usable_
 from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.lidar_stages import LidarFutures, LidarResult, LidarStages
+from perception.pipeline.lidar_stages import LidarFutures, LidarResult, LidarStages, PosedGround
 from perception.pipeline.memory import exempt_from_collection, limit_heaps, release_compiler
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Frame, GroundModel, Health, PipelineSnapshot, Result
+from perception.types import Frame, Health, PipelineSnapshot, Result
 
 
 class Pipeline:
@@ -135,7 +135,7 @@ class Pipeline:
         """Give the stages of a frame to the two workers."""
         clock = StageClock(self._lidar_worker.name, arrival_s)
         health = self._lidar_worker.submit(self._lidar.check, frame, clock)
-        ground: Future[GroundModel | None] = Future()
+        ground: Future[PosedGround | None] = Future()
         result = self._lidar_worker.submit(
             self._run_lidar_stages, frame, health, ground, clock, has_snapshot
         )
@@ -147,7 +147,7 @@ class Pipeline:
         self,
         frame: Frame,
         health: "Future[Health]",
-        ground: "Future[GroundModel | None]",
+        ground: "Future[PosedGround | None]",
         clock: StageClock,
         has_snapshot: bool,
     ) -> LidarResult:
@@ -169,7 +169,7 @@ class Pipeline:
         return self._lidar_worker.submit(self._lidar.reset)
 
 
-def _give_up(ground: "Future[GroundModel | None]", result: "Future[LidarResult]") -> None:
+def _give_up(ground: "Future[PosedGround | None]", result: "Future[LidarResult]") -> None:
     """Let nothing wait for the ground of a scan that ended without one."""
     del result
     if not ground.done():

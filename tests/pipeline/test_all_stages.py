@@ -75,7 +75,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
         *("image health", "maps", "DepthCN", "fusion"),
-        *("vehicle location", "vehicles", "calibration"),
+        *("vehicle location", "calibration", "vehicles"),
     ]
     workers = {span.worker for span in result.spans}
     assert {"obstacles", "vehicles"} < workers
