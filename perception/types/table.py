@@ -140,7 +140,8 @@ class _Column:
         if self.table:
             return values.replaced(rows, others)
         # Longer names than those of the column widen it.
-        changed = values.astype(np.result_type(values, others))
+        is_same = values.dtype == others.dtype
+        changed = values.copy() if is_same else values.astype(np.result_type(values, others))
         changed[rows] = others
         return changed
 
