@@ -37,7 +37,7 @@ def matched_boxes(scene: DetectedScene, min_iou: float) -> Int:
     places = np.full((0, len(MODALITIES)), -1)
     for column in range(len(MODALITIES)):
         boxes = np.flatnonzero(merged.columns == column)
-        gains = overlap[:, boxes][places].max(axis=1)
+        gains = overlap[:, boxes][places[:, :column]].max(axis=1, initial=0.0)
         pairs = assign_with_max_cost(-gains, gains > 0, 0.0)
         places[pairs.tracks, column] = boxes[pairs.detections]
         left = boxes[pairs.unmatched_detections]
