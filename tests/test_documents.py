@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from perception.cli.main import COMMANDS, GROUPS
+from perception.cli.batch import parse_batch
+from perception.cli.main import COMMANDS, GROUPS, BatchCommand, TrainingCommand
+from perception.cli.parser import parse
+from perception.cli.train import parse as parse_training
 from perception.errors import PerceptionError, UsageError
+from train.trainings import training_of
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = (
@@ -51,10 +55,21 @@ def fault_of(line: str) -> PerceptionError | None:
         is_group = words[1:] == [] and words[0] in GROUPS
         return None if is_group else UsageError(line, expected="a command", found="none")
     try:
-        COMMANDS[name].validate(name, words[len(name.split()) :])
+        parse_words(name, words[len(name.split()) :])
     except PerceptionError as error:
         return error
     return None
+
+
+def parse_words(name: str, words: list[str]) -> None:
+    command = COMMANDS[name]
+    if isinstance(command, TrainingCommand):
+        parse_training(training_of(command.target, words), words)
+    elif isinstance(command, BatchCommand):
+        of_drive, rest = command.of_drive(name, words)
+        parse_batch(command.load(), of_drive, COMMANDS[of_drive].load(), rest)
+    else:
+        parse(f"trifuse {name}", command.load(), words)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

@@ -1,8 +1,5 @@
 """From a live source through the pipeline to the viewers; of frames that come too fast, the latest counts."""
 
-import atexit
-import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,9 +16,6 @@ from perception.types import Result
 _WAITING_FRAMES = (
     2  # whose messages wait for a slow viewer; the oldest are dropped, so that none lags
 )
-
-
-_INTERRUPTED = 130  # exit code
 
 
 class ResultServer:
@@ -138,7 +132,6 @@ def serve_live(
     """
     counts = LiveCounts()
     with (
-        _interrupted_by_termination(),
         ResultServer(
             live.name,
             address.host,
@@ -206,19 +199,3 @@ def _closed_by_errors(source: LiveSource, counts: LiveCounts) -> Iterator[None]:
             return
         source.close()
         raise
-
-
-@contextmanager
-def _interrupted_by_termination() -> Iterator[None]:
-    """End at SIGTERM, by which services are stopped, as at Ctrl-C."""
-
-    def interrupt(*_: object) -> None:
-        # All is closed and written before; what the interpreter then frees one by one takes seconds.
-        atexit.register(os._exit, _INTERRUPTED)
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.resource_tracker import ensure_running
 from operator import methodcaller
 from typing import Any
 
@@ -37,8 +38,10 @@ class ProcessWriter(ResultWriter):
         context = get_context("spawn")
         self._connection, far = context.Pipe()
         self._process = context.Process(target=_serve, args=(far,), daemon=True)
-        # A terminal sends an interrupt to all processes; it is for this one, which closes the other.
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        # A terminal or service stops all processes; that is for this one, which closes the other.
+        ensure_running()  # which unblocks them, of a process that starts first
+        stops = {signal.SIGINT, signal.SIGTERM}
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, stops)
         try:
             self._process.start()
         finally:

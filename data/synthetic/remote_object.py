@@ -24,9 +24,9 @@ Params = ParamSpec("Params")
 Returned = TypeVar("Returned")
 
 # The other process finds modules where this one does. `python -P -c` does not put the working folder first, which may
-# hold a user's random.py. An interrupt reaches both processes, from the start; this one ends the other.
+# hold a user's random.py. What stops this process may reach both, from the start; this one ends the other.
 _START = (
-    "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); sys.path[:] = sys.argv[1:]; "
+    "import signal, sys; signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM}); sys.path[:] = sys.argv[1:]; "
     f"from {__name__} import serve; serve()"
 )
 

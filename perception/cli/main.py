@@ -1,8 +1,10 @@
 """The console script: find the command, parse its flags, turn an error into a sentence."""
 
+import atexit
 import importlib
 import logging
 import os
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +18,6 @@ from perception.cli.parser import (
     flag_types,
     help_text,
     nested_types,
-    parse,
     positional,
 )
 from perception.errors import PerceptionError, UsageError
@@ -67,10 +68,6 @@ class Command:
         """
         call(f"trifuse {name}", self.load(), words)
 
-    def validate(self, name: str, words: Sequence[str]) -> None:
-        """Raise the UsageError with which the words would be refused."""
-        parse(f"trifuse {name}", self.load(), words)
-
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help, of every flag where all are asked for."""
         return help_text(f"trifuse {name}", self.load(), everything=everything)
@@ -94,12 +91,6 @@ class TrainingCommand(Command):
 
         train(training_of(self.target, words), words)
 
-    def validate(self, name: str, words: Sequence[str]) -> None:
-        """Raise the UsageError with which the words would be refused."""
-        from perception.cli.train import parse as parse_training
-
-        parse_training(training_of(self.target, words), words)
-
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help; that of every flag imports torch."""
         from perception.cli.train import help_text
@@ -122,17 +113,10 @@ class BatchCommand(Command):
         """Run the command on every drive; that of a group, such as evaluate, is the first word."""
         from perception.cli.batch import run_batch
 
-        command, rest = self._command(name, words)
+        command, rest = self.of_drive(name, words)
         run_batch(self.load(), command, COMMANDS[command].load(), rest, run_command_line)
 
-    def validate(self, name: str, words: Sequence[str]) -> None:
-        """Raise the UsageError with which the words would be refused."""
-        from perception.cli.batch import parse_batch
-
-        command, rest = self._command(name, words)
-        parse_batch(self.load(), command, COMMANDS[command].load(), rest)
-
-    def _command(self, name: str, words: Sequence[str]) -> tuple[str, Sequence[str]]:
+    def of_drive(self, name: str, words: Sequence[str]) -> tuple[str, Sequence[str]]:
         """Return the command of each drive, and the words behind it."""
         command = name.removeprefix("batch ")
         if command not in GROUPS:
@@ -263,9 +247,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for room in ("perception", "data", "train", "export", "benchmarks"):
         logging.getLogger(room).setLevel(logging.INFO)
     try:
-        if arguments is None and not {"", str(Path.cwd())} & set(sys.path):
-            # Processes that libraries start find no modules in the working folder either.
-            os.environ["PYTHONSAFEPATH"] = "1"
+        if arguments is None:
+            signal.signal(signal.SIGTERM, _interrupt)
+            atexit.register(_end_at_once)
+            if not {"", str(Path.cwd())} & set(sys.path):
+                # Processes that libraries start find no modules in the working folder either.
+                os.environ["PYTHONSAFEPATH"] = "1"
         run_command_line(words)
         sys.stdout.flush()
         return 0
@@ -285,6 +272,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     finally:
         _flush_output()
+
+
+def _interrupt(*_: object) -> None:
+    """End at SIGTERM, by which services and jobs are stopped, as at Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _end_at_once() -> None:
+    """After SIGTERM, end when all is closed: what the interpreter then frees one by one takes seconds."""
+    if signal.getsignal(signal.SIGTERM) == signal.SIG_IGN:
+        os._exit(130)
 
 
 def _flush_output() -> None:

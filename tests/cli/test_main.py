@@ -89,6 +89,18 @@ def test_an_interrupt_is_130_and_says_how_to_go_on(words, advice, monkeypatch, c
     assert (error.count("\n"), error.endswith(f"; {advice}\n")) == (1, True)
 
 
+def test_a_termination_ends_as_an_interrupt_does():
+    code = """import signal, sys; from perception.cli import main as program
+program.run_command_line = lambda words: signal.raise_signal(signal.SIGTERM)
+sys.exit(program.main())"""
+    ran = subprocess.run(
+        [sys.executable, "-c", code, "label"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    advice = "repeat the command with --resume to go on, or with --overwrite"
+    sentence = f"trifuse label: stopped; what is complete is kept; {advice}\n"
+    assert (ran.returncode, ran.stderr) == (130, sentence)
+
+
 def test_of_libraries_only_warnings_are_shown():
     code = """import logging; from perception.cli.main import main
 main(["--version"])

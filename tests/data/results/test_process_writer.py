@@ -58,6 +58,14 @@ def test_an_error_of_the_writer_is_raised_here_and_the_writer_goes_on(process, t
     assert {line[0] for line in lines} == {str(process._process.pid)} != {str(os.getpid())}
 
 
+def test_what_stops_all_processes_is_left_to_the_one_that_closes_the_writer(process, tmp_path):
+    process.start(partial(ProcessIdWriter, tmp_path / "log"))
+    for stop in (signal.SIGINT, signal.SIGTERM):
+        os.kill(process._process.pid, stop)
+    process.add(0, None)
+    assert process.snapshot().decode().endswith(" 0\n")
+
+
 def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path):
     process = ProcessWriter("video")
     process.start(partial(ProcessIdWriter, tmp_path / "log"))

@@ -29,10 +29,11 @@ def test_errors_come_here_and_it_goes_on():
         assert remote.call(list.__len__) == 0
 
 
-def test_an_interrupt_is_left_to_the_one_that_started_it():
+def test_what_stops_all_processes_is_left_to_the_one_that_started_it():
     with closing(RemoteObject("the list", list, "use a list here")) as remote:
         remote.call(list.append, 1)
-        os.kill(remote.process_id, signal.SIGINT)
+        for stop in (signal.SIGINT, signal.SIGTERM):
+            os.kill(remote.process_id, stop)
         assert remote.call(list.__len__) == 1
 
 
