@@ -30,6 +30,7 @@ _QUESTIONS = {
 }
 _CAMERA = ("intrinsics", "distortion", "lidar_to_camera")
 _NUMBERS = (*_CAMERA, "body_to_lidar")
+_UNKNOWN = "unknown"
 _TEXTS = ("axes", "sensor")
 
 
@@ -67,14 +68,17 @@ class Question:
         field: Field of `StatedConfig`, or of `StatedCamera`.
         camera: Number of the camera, or None.
         name: Name for the user, with that of the camera where there are several.
+        guess: Value that holds until one is stated.
     """
 
     field: str
     camera: int | None = None
     name: str = ""
+    guess: str = _UNKNOWN
 
     def __str__(self) -> str:
-        return self.name or self.field
+        guess = "" if self.guess == _UNKNOWN else f" (guess: {self.guess})"
+        return f"{self.name or self.field}{guess}"
 
     @property
     def text(self) -> str:
@@ -106,9 +110,10 @@ def observe(path: Path, config: OpenConfig) -> tuple[Path, FolderObservation]:
 
 def open_questions(observed: FolderObservation, stated: StatedConfig) -> tuple[Question, ...]:
     """Return what can neither be seen nor is stated."""
-    guessed = {one.field for one in observed.guesses}
+    guessed = {one.field: one.value for one in observed.guesses}
     asked = [name for name in ("height_m", "axes", "sensor", "rate_hz") if name in guessed]
-    questions = [Question(name) for name in asked if not getattr(stated, name)]
+    unstated = (name for name in asked if not getattr(stated, name))
+    questions = [Question(name, guess=guessed[name]) for name in unstated]
     names = camera_names(observed.images)
     for number, name in enumerate(names):
         camera = _stated_camera(stated, number)
@@ -142,7 +147,7 @@ def ask(
         UsageError: A reply is no number.
     """
     for question in questions:
-        words = reply_to(f"{question.text} (empty: not known) ").replace(",", " ").split()
+        words = reply_to(f"{question.text} (empty: {question.guess}) ").replace(",", " ").split()
         if not words:
             continue
         value = {question.field: _parsed(question.field, words)}

@@ -44,7 +44,7 @@ def test_what_is_seen_is_printed_and_written(folder, capsys):
         "kitti format",
     ):
         assert words in table
-    asked = "rate_hz, intrinsics, distortion, lidar_to_camera, body_to_lidar"
+    asked = "rate_hz (guess: 10 Hz), intrinsics, distortion, lidar_to_camera, body_to_lidar"
     assert f"is a question in that file: {asked}" in table
     text = (folder / "drive.yaml").read_text()
     assert "sensor: HDL-32E" in text
