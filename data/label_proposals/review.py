@@ -11,6 +11,7 @@ from data.box_labels.written_frames import labelled_frame
 from data.label_proposals.proposals import Proposal, ProposalFile, read_document
 from data.labelled_objects import labels_of_boxes
 from data.recorded_drive import RecordedDrive
+from perception.detection.bev.classes import BEV_CLASSES
 from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
@@ -28,10 +29,12 @@ class Decision:
     Attributes:
         decision: "accept", "reject", or empty for none.
         kind: Class in place of the proposed one, or empty.
+        where: Where it stands, for errors.
     """
 
     decision: str = ""
     kind: str = ""
+    where: str = "review"
 
 
 def read_review(path: Path, drive: str | None = None) -> Mapping[int, Decision]:
@@ -51,14 +54,18 @@ def read_review(path: Path, drive: str | None = None) -> Mapping[int, Decision]:
         expected, found = f"decisions on {drive}", f"some on {named}"
         raise LabelError(path, expected=expected, found=found, advice="review these proposals")
     result = {}
-    for number, one in (document.get("objects") or {}).items():
+    objects = document.get("objects") or {}
+    if not isinstance(objects, dict):
+        expected, found = "objects by their numbers", "others"
+        raise LabelError(path, expected=expected, found=found, advice=advice)
+    for number, one in objects.items():
         where = f"{path} object {number}"
         decision = one.get("decision", "") if isinstance(one, dict) else one
         if not number.isdecimal() or decision not in ("", *DECISIONS):
             expected = f"a number with one of {', '.join(DECISIONS)}"
             raise LabelError(where, expected=expected, found=repr(decision))
         kind = one.get("type", "") if isinstance(one, dict) else ""
-        result[int(number)] = Decision(str(decision), str(kind))
+        result[int(number)] = Decision(str(decision), str(kind), where)
     return result
 
 
@@ -73,19 +80,28 @@ def reviewed(
         min_confidence: Confidence from which an object is a label without a decision.
 
     Raises:
-        LabelError: A decision is on no proposal.
+        LabelError: A decision is on no proposal, or names an unknown class.
     """
     numbers = {one.number for one in proposals}
     if unknown := sorted(decisions.keys() - numbers):
         expected, found = f"decisions on objects 1 to {len(numbers)}", f"one on {unknown[0]}"
-        raise LabelError("review", expected=expected, found=found, advice="review these proposals")
-    result = []
+        where, advice = decisions[unknown[0]].where, "review these proposals"
+        raise LabelError(where, expected=expected, found=found, advice=advice)
+    classes, result = known_classes(proposals), []
     for one in proposals:
         decision = decisions.get(one.number, Decision())
+        if (kind := decision.kind or one.kind) not in classes:
+            expected = f"a type of {', '.join(classes)}"
+            raise LabelError(decision.where, expected=expected, found=kind)
         is_label = decision.decision == "accept" or one.confidence >= min_confidence
         if is_label and decision.decision != "reject":
-            result.append(replace(one, kind=decision.kind or one.kind))
+            result.append(replace(one, kind=kind))
     return result
+
+
+def known_classes(proposals: Sequence[Proposal]) -> list[str]:
+    """Return the classes that a person may choose."""
+    return sorted({*BEV_CLASSES, *(one.kind for one in proposals)})
 
 
 def labelled_frames(

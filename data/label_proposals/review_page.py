@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 
 from data.label_proposals.proposals import Proposal
-from data.label_proposals.review import REVIEW_FORMAT
+from data.label_proposals.review import REVIEW_FORMAT, known_classes
 from perception.atomic_file import write_atomically
-from perception.detection.bev.classes import BEV_CLASSES
 from perception.geometry.camera import box_outlines_px
 from perception.types import Boxes3D, Float, Float64, Frame, UInt8
 
@@ -121,7 +120,7 @@ def write_review_page(
         }
         for one in sorted(proposals, key=lambda one: -one.urgency)
     ]
-    classes = sorted({*BEV_CLASSES, *(one.kind for one in proposals)})
+    classes = known_classes(proposals)
     content = {"format": REVIEW_FORMAT, "drive": drive, "classes": classes, "objects": objects}
     text = json.dumps(content).replace("<", "\\u003c")
     page = (

@@ -149,6 +149,12 @@ def test_decisions_come_before_the_confidence(tmp_path):
         read_review(path, "b")
     with fault(LabelError, "review", "objects 1 to 4", "one on 9"):
         reviewed(proposals, {9: Decision("accept")}, 0.5)
+    path.write_text('{"format": "trifuse review 1", "objects": {"2": {"type": "Cra"}}}')
+    with fault(LabelError, "review.json object 2", "a type of Bicycle, Bus, Car, ", "Cra"):
+        reviewed(proposals, read_review(path), 0.5)
+    path.write_text('{"format": "trifuse review 1", "objects": [1]}')
+    with fault(LabelError, "review.json", "objects by their numbers", "others"):
+        read_review(path)
     path.write_text('{"format": "trifuse review 1", "objects": {"1": {"decision": "maybe"}}}')
     with fault(LabelError, "review.json object 1", "accept, reject", "'maybe'"):
         read_review(path)
