@@ -184,7 +184,7 @@ def adopted_config(observed: FolderObservation, stated: StatedConfig) -> FolderC
     changes: dict[str, Any] = {
         name: value
         for name in ("height_m", "rate_hz", "reflectance_scale", "axes", "sensor", "viewpoint")
-        if (value := getattr(stated, name))
+        if (value := getattr(stated, name)) not in (None, ())
     }
     if stated.sensor is not None:
         changes["elevations_deg"] = None

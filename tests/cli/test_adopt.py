@@ -151,6 +151,7 @@ def test_an_earlier_description_is_kept_unless_it_is_to_be_replaced(folder):
     [
         (["--columns", "x,y"], "--columns", "x, y, z"),
         (["--axes", "up,up,up"], "axes", "right-handed"),
+        (["--rate", "0"], "rate_hz", "a positive number"),
         ([*CAMERA[:3], "1,2"], "lidar_to_camera", "6, 7, 12 or 16"),
         (["--intrinsics", "1", *CAMERA[2:]], "intrinsics", "4 numbers"),
     ],
