@@ -167,8 +167,8 @@ class Frame:
             raise ScanError(
                 self.source,
                 expected="x, y, z in metres and reflectance, finite for at least half of the points",
-                found=f"{invalid} of {len(points)} points with NaN, infinity or beyond 10 km",
-                advice="write each point as four float32 numbers: x, y, z, reflectance",
+                found=f"{invalid} of {len(points)} points with NaN, infinity or above 10,000",
+                advice="write x, y, z, reflectance as float32, or give its full scale: --reflectance-scale 65535",
             )
         valid_points = points.copy()
         valid_points[is_invalid] = 0

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from data.layouts import OpenConfig
 from data.open_drive import open_drive
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError, ScanError
 from tests.faults import fault
@@ -70,6 +71,10 @@ def test_a_scan_that_is_mostly_not_finite_is_refused(raw_drive):
     points.tofile(path)
     with fault(ScanError, where=str(path), expected="finite", found="1801 of 3600 points"):
         open_drive(raw_drive)[2]
+    points[:, :3], points[:, 3] = 1, 65535
+    points.tofile(path)
+    with fault(ScanError, found="above 10,000", advice="--reflectance-scale 65535"):
+        open_drive(raw_drive, config=OpenConfig(reflectance_scale=1))[2]
 
 
 @pytest.mark.parametrize("value", [-0.1, 255])
