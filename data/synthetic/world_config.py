@@ -82,7 +82,7 @@ class WorldConfig:
         if not (0 < self.ego_m_s <= 20 and self.vehicle_gap_m >= 12 and self.leader_gap_m >= 9):
             raise UsageError(
                 "synthetic world",
-                expected="ego_m_s up to 20, vehicle_gap_m from 12, leader_gap_m from 9",
+                expected="ego_m_s above 0 up to 20, vehicle_gap_m from 12, leader_gap_m from 9",
                 found=f"{self.ego_m_s:g}, {self.vehicle_gap_m:g}, {self.leader_gap_m:g}",
             )
         if not 0 <= self.ego_lane < self.road.lanes:

@@ -16,7 +16,7 @@ def test_a_drive_is_written_and_named(tmp_path, capsys):
 
 
 def test_an_impossible_speed_is_an_error(tmp_path):
-    with fault(UsageError, expected="ego_m_s up to 20", found="90"):
+    with fault(UsageError, expected="ego_m_s above 0 up to 20", found="90"):
         command("synth", tmp_path, "--speed", "90")
 
 
