@@ -245,7 +245,7 @@ class LidarStages(Restorable):
         """Go on without a scan: the motion of the INS, the ground as it was, and predicted tracks."""
         # A scan out of order takes no time; the next one in order is registered with those before it.
         self._now_s = stamp_s = max(frame.stamp_s, self._now_s + _NEXT_S)
-        pose = last.world_SE3_velo @ self._motion_since(last, frame, stamp_s)
+        pose = last.world_SE3_velo @ self._motion_since(frame, stamp_s)
         scan = replace(
             last.scan, stamp_s=stamp_s, world_SE3_velo=pose, ins_world_SE3_velo=pose, is_reset=False
         )
@@ -282,7 +282,7 @@ class LidarStages(Restorable):
         scan = replace(predicted.scan, covariance=scans.window.newest.covariance)
         return replace(predicted, ground=ground, obstacles=obstacles, scan=scan)
 
-    def _motion_since(self, last: LidarResult, frame: Frame, stamp_s: float) -> Float64:
+    def _motion_since(self, frame: Frame, stamp_s: float) -> Float64:
         """Return the (4, 4) motion since the last scan by the INS, else at constant velocity."""
         is_in_order = frame.stamp_s == stamp_s
         if frame.world_SE3_velo is not None and self._last_ins is not None and is_in_order:
