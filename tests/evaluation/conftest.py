@@ -41,6 +41,16 @@ def crowd(request: pytest.FixtureRequest) -> Frames:
     return frames
 
 
+def renamed(frames: Frames, rng: np.random.Generator) -> Frames:
+    """Return frames with other ids, and their rows in another order."""
+    changed = []
+    for frame in frames:
+        rows, columns = (rng.permutation(n) for n in frame.similarity.shape)
+        ids = -frame.truth_ids[rows], frame.track_ids[columns] ** 2
+        changed.append(TrackedFrame(*ids, frame.similarity[rows][:, columns]))
+    return changed
+
+
 @pytest.fixture(scope="session")
 def nuscenes_tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the root of the tables of a real scene, without its scans."""

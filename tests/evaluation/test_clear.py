@@ -1,6 +1,6 @@
 """CLEAR on sequences that can be counted by hand, and against the reference implementation."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ import pytest
 from perception.errors import PerceptionError
 from perception.evaluation.multi_object.clear import Clear, clear
 from perception.evaluation.multi_object.sequence import TrackedFrame
+from tests.evaluation.conftest import renamed
 from tests.faults import fault
 from tests.reference import tracking_metrics as naive
 
@@ -116,18 +117,7 @@ def test_equals_the_reference(crowd):
 
 
 def test_scores_are_the_same_under_other_names_and_orders_of_rows(crowd):
-    rng = np.random.default_rng(5)
-    changed = []
-    for frame in crowd:
-        rows, columns = (rng.permutation(n) for n in frame.similarity.shape)
-        changed.append(
-            replace(
-                frame,
-                truth_ids=-frame.truth_ids[rows],
-                track_ids=frame.track_ids[columns] ** 2,
-                similarity=frame.similarity[rows][:, columns],
-            )
-        )
+    changed = renamed(crowd, np.random.default_rng(5))
     assert asdict(clear(changed)) == pytest.approx(asdict(clear(crowd)))
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.multi_object.hota import ALPHAS, Hota, hota
+from tests.evaluation.conftest import renamed
 from tests.faults import fault
 from tests.reference import tracking_metrics as naive
 
@@ -91,17 +92,7 @@ def test_equals_the_reference(crowd):
 
 def test_scores_are_the_same_under_other_names_and_orders_of_rows_and_frames(crowd):
     rng = np.random.default_rng(5)
-    changed = []
-    for frame in [crowd[i] for i in rng.permutation(len(crowd))]:
-        rows, columns = (rng.permutation(n) for n in frame.similarity.shape)
-        changed.append(
-            replace(
-                frame,
-                truth_ids=-frame.truth_ids[rows],
-                track_ids=frame.track_ids[columns] ** 2,
-                similarity=frame.similarity[rows][:, columns],
-            )
-        )
+    changed = renamed([crowd[i] for i in rng.permutation(len(crowd))], rng)
     assert_same(hota(changed), hota(crowd))
 
 

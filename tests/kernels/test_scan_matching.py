@@ -9,6 +9,7 @@ from perception.geometry.se3 import cross_matrix, from_euler
 from perception.kernels.scan_matching import align_surfaces, distances_to_surfaces
 from perception.kernels.surface_normals import ALL_KNOWN, means_and_normals, unfitted_surfaces
 from perception.kernels.voxel_table import voxel_moments
+from tests.rays import unit_rays
 
 EDGE_M = 0.5
 
@@ -28,17 +29,8 @@ def street(seed: int = 0) -> np.ndarray:
 
 def sparse_street(beams: int) -> np.ndarray:
     """Return the points of few beams on a road between two walls, as a turning LiDAR 1.7 m above it hits them."""
-    azimuth, elevation = np.meshgrid(
-        np.radians(np.arange(0, 360, 0.4)), np.radians(np.linspace(-18, -4, beams))
-    )
-    rays = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        -1,
-    ).reshape(-1, 3)
+    elevation = np.radians(np.linspace(-18, -4, beams))
+    rays = unit_rays(np.radians(np.arange(0, 360, 0.4)), elevation)
     range_m = np.minimum(-1.7 / rays[:, 2], 6 / np.maximum(np.abs(rays[:, 1]), 1e-9))
     noise_m = np.random.default_rng(0).normal(0, 0.01, range_m.shape)
     return (rays * (range_m + noise_m)[:, None]).astype(np.float32)

@@ -8,6 +8,7 @@ from perception.geometry.se3 import from_euler, transform_points
 from perception.localization import mounting
 from perception.localization.mounting import check_mounting
 from perception.sensor import HDL_32E, HDL_64E, SENSORS, VLP_16, LidarModel
+from tests.rays import unit_rays
 
 UPSIDE_DOWN = from_euler(np.pi, 0, 0)
 
@@ -20,15 +21,7 @@ def street(
     tilt_rad: float = 0.0,
 ) -> np.ndarray:
     """Cast a sensor's rays into a street between two walls, under a ceiling in a tunnel."""
-    azimuth, elevation = np.meshgrid(np.linspace(-np.pi, np.pi, 720), sensor.elevations_rad)
-    rays = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    rays = unit_rays(np.linspace(-np.pi, np.pi, 720), sensor.elevations_rad)
     rays = rays @ from_euler(tilt_rad, tilt_rad, 0)[:3, :3].T
     planes_m = [(2, -sensor.height_m), (1, walls_m), (1, -walls_m)]
     planes_m += [(2, ceiling_m)] if ceiling_m else []

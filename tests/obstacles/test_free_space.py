@@ -5,6 +5,7 @@ import pytest
 
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.sensor import HDL_64E
+from tests.rays import unit_rays
 
 PLACE = np.array([[10.0, 0.0, 0.0]], np.float32)
 
@@ -12,11 +13,7 @@ PLACE = np.array([[10.0, 0.0, 0.0]], np.float32)
 def sphere(range_m):
     """Returns at one range ahead, in every direction of the sensor within 0.2 rad."""
     azimuth = np.arange(-0.2, 0.2, HDL_64E.azimuth_step_rad)
-    elevation, azimuth = np.meshgrid(HDL_64E.elevations_rad, azimuth, indexing="ij")
-    ray = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)]
-    return (np.stack([*ray, np.sin(elevation)], axis=-1).reshape(-1, 3) * range_m).astype(
-        np.float32
-    )
+    return (unit_rays(azimuth, HDL_64E.elevations_rad) * range_m).astype(np.float32)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from perception.obstacles.motion_segmentation import (
 from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 from perception.types import PointState
+from tests.rays import unit_rays
 
 AREA = LocalArea()
 WALL = (
@@ -52,16 +53,7 @@ def cast(sensor: LidarModel, origin_xy, boxes):
 
     Boxes and origin are in the world, whose road is z = 0; the points are in the sensor's frame.
     """
-    azimuth = np.arange(-0.8, 0.8, sensor.azimuth_step_rad)
-    elevation, azimuth = np.meshgrid(sensor.elevations_rad, azimuth, indexing="ij")
-    ray = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    ray = unit_rays(np.arange(-0.8, 0.8, sensor.azimuth_step_rad), sensor.elevations_rad)
     ray[ray == 0] = 1e-9
     origin = np.array([*origin_xy, sensor.height_m])
     reach = np.where(ray[:, 2] < 0, -origin[2] / ray[:, 2], np.inf)

@@ -3,6 +3,7 @@ import pytest
 
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.sensor import HDL_64E, SENSORS, VLP_16
+from tests.rays import unit_rays
 
 PROJECTION = SphericalProjection(HDL_64E, tolerance_m=0.1)
 MARGIN_M = 0.2
@@ -11,16 +12,7 @@ MARGIN_M = 0.2
 def sphere(range_m, sensor=HDL_64E):
     """A return at one range in every direction of the sensor, in its own frame."""
     azimuth = np.arange(-np.pi, np.pi, sensor.azimuth_step_rad)
-    elevation, azimuth = np.meshgrid(sensor.elevations_rad, azimuth, indexing="ij")
-    ray = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        axis=-1,
-    )
-    return (ray.reshape(-1, 3) * range_m).astype(np.float32)
+    return (unit_rays(azimuth, sensor.elevations_rad) * range_m).astype(np.float32)
 
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=lambda sensor: sensor.name)

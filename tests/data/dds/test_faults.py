@@ -24,6 +24,7 @@ from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import VLP_16
 from perception.types import Frame
 from tests.data.dds.listening import Listener, robot
+from tests.rays import unit_rays
 
 pytest.importorskip("cyclonedds", reason="the extra `ros` is not installed")
 
@@ -301,18 +302,8 @@ def test_an_error_of_the_pipeline_is_said_and_frames_go_on(
 
 def street_scan(time_s: float, noise: np.random.Generator) -> np.ndarray:
     """Return the scan of a VLP-16 between walls and posts, where a car passes on the left at 8 m/s."""
-    azimuth, elevation = np.meshgrid(
-        np.radians(np.arange(0, 360, 0.4)), np.radians(np.arange(-15, 16, 2.0))
-    )
-    rays = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        -1,
-    )
-    rays = rays.reshape(-1, 3)
+    elevation = np.radians(np.arange(-15, 16, 2.0))
+    rays = unit_rays(np.radians(np.arange(0, 360, 0.4)), elevation)
     ranges_m = np.where(rays[:, 2] < -0.01, 1.73 / np.maximum(-rays[:, 2], 1e-3), 60.0)
     ranges_m = np.minimum(ranges_m, 12 / np.maximum(np.abs(rays[:, 1]), 1e-3))
     boxes = [(x, y, 0.3, 0.3) for x in range(-30, 31, 6) for y in (-8, 8)]

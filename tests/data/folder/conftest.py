@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from perception.sensor import HDL_32E, LidarModel
+from tests.rays import unit_rays
 
 STEP_M = 1.0
 _HALF_WIDTH_M, _WALL_M = 8.0, 6.0
@@ -27,17 +28,8 @@ def road_scan(
         tilt_deg: Roll and pitch of the sensor.
         columns: Number of firings of one turn.
     """
-    azimuth, elevation = np.meshgrid(
-        np.linspace(-np.pi, np.pi, columns, endpoint=False), sensor.elevations_rad
-    )
-    rays = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    azimuth = np.linspace(-np.pi, np.pi, columns, endpoint=False)
+    rays = unit_rays(azimuth, sensor.elevations_rad)
     turn = Rotation.from_euler("ZYX", (0, tilt_deg[1], tilt_deg[0]), degrees=True).as_matrix()
     level = rays @ turn.T
     with np.errstate(divide="ignore", invalid="ignore"):
