@@ -29,10 +29,7 @@ _SAVINGS: Sequence[tuple[str, str, tuple[str, ...]]] = (
     (
         f"{_NO_DEPTHCN} --pipeline.detection.modalities []",
         "all detectors of vehicles",
-        (
-            *(*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion"),
-            *("vehicle location", "vehicles"),
-        ),
+        (*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion", "vehicle location", "vehicles"),
     ),
 )
 

@@ -48,6 +48,13 @@ _POSE_LOST = HealthFinding(
 _NEXT_S = 1e-3
 
 
+class PosedGround(NamedTuple):
+    """Ground of a scan, and the (4, 4) pose of its LiDAR, drawn to the INS."""
+
+    ground: GroundModel
+    world_SE3_velo: Float64
+
+
 @dataclass(frozen=True)
 class LidarResult:
     """Result of the LiDAR stages for one frame.
@@ -83,11 +90,16 @@ class LidarResult:
         """Whether pose and tracks are predicted, as the scan cannot be used."""
         return not is_scan_usable(self.health)
 
+    @property
+    def posed_ground(self) -> PosedGround:
+        """Ground and drawn pose."""
+        return PosedGround(self.ground, self.world_SE3_odom @ self.world_SE3_velo)
+
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
         return Result(
             frame,
-            self.world_SE3_odom @ self.world_SE3_velo,
+            self.posed_ground.world_SE3_velo,
             self.ground,
             self.obstacles,
             self.tracks,
@@ -97,13 +109,6 @@ class LidarResult:
             pose_covariance=self.pose_covariance,
             health=self.health,
         )
-
-
-class PosedGround(NamedTuple):
-    """Ground of a scan, and the (4, 4) pose of its LiDAR, drawn to the INS."""
-
-    ground: GroundModel
-    world_SE3_velo: Float64
 
 
 class LidarFutures(NamedTuple):
@@ -121,11 +126,7 @@ class LidarFutures(NamedTuple):
 
     def posed_ground(self) -> PosedGround:
         """Return ground and pose as soon as they are known."""
-        early = self.ground.result()
-        if early is not None:
-            return early
-        late = self.result.result()
-        return PosedGround(late.ground, late.world_SE3_odom @ late.world_SE3_velo)
+        return self.ground.result() or self.result.result().posed_ground
 
 
 class LidarStages(Restorable):

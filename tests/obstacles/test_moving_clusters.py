@@ -98,7 +98,9 @@ def test_the_gap_to_a_leaving_object_may_end_a_little_above_0(oldest_m, expected
     ],
     ids=["hidden", "larger before", "smaller before", "one place was hit", "two were hit"],
 )
-def test_what_nothing_tells_of_goes_on_as_the_body_that_it_was(states, before, expected):
+def test_a_cluster_goes_on_as_the_body_that_it_was_where_no_scan_contradicts(
+    states, before, expected
+):
     assert moves(states, before=column(5.6, 0.0, before)).tolist() == [expected] * 12
 
 

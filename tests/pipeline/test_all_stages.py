@@ -91,21 +91,30 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
         assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
 
 
+def hold(monkeypatch, later, earlier):
+    """Hold a function until another has returned; return a list that tells of each call whether that came in time.
+
+    Functions are given as the object that has them and their name.
+    """
+    has_returned, waited = threading.Event(), []
+    first, second = getattr(*earlier), getattr(*later)
+
+    def signal_after(*given, **named):
+        result = first(*given, **named)
+        has_returned.set()
+        return result
+
+    def wait_before(*given, **named):
+        waited.append(has_returned.wait(timeout=20))
+        return second(*given, **named)
+
+    monkeypatch.setattr(*earlier, signal_after)
+    monkeypatch.setattr(*later, wait_before)
+    return waited
+
+
 def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypatch):
-    has_detected, waited = threading.Event(), []
-    verify_frame, step = DepthCn.verify_frame, LidarStages.step
-
-    def verify_and_signal(*given):
-        verified = verify_frame(*given)
-        has_detected.set()
-        return verified
-
-    def step_late(*given, **named):
-        waited.append(has_detected.wait(timeout=20))
-        return step(*given, **named)
-
-    monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
-    monkeypatch.setattr(LidarStages, "step", step_late)
+    waited = hold(monkeypatch, (LidarStages, "step"), (DepthCn, "verify_frame"))
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]
@@ -113,20 +122,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
 
 
 def test_vehicles_are_located_while_obstacles_are_segmented(street_frames, all_stages, monkeypatch):
-    has_located, waited = threading.Event(), []
-    locate, voxelize = camera_stages.locate, FreeSpaceSegmenter.voxelize
-
-    def locate_and_signal(*given, **named):
-        located = locate(*given, **named)
-        has_located.set()
-        return located
-
-    def voxelize_late(*given):
-        waited.append(has_located.wait(timeout=20))
-        return voxelize(*given)
-
-    monkeypatch.setattr(camera_stages, "locate", locate_and_signal)
-    monkeypatch.setattr(FreeSpaceSegmenter, "voxelize", voxelize_late)
+    waited = hold(monkeypatch, (FreeSpaceSegmenter, "voxelize"), (camera_stages, "locate"))
     with Pipeline(config=all_stages) as pipeline:
         pipeline.step(street_frames[0])
     assert waited == [True]
@@ -135,20 +131,7 @@ def test_vehicles_are_located_while_obstacles_are_segmented(street_frames, all_s
 def test_depthcn_runs_while_the_networks_of_images_and_maps_run(
     street_frames, stages_in_turn, monkeypatch
 ):
-    has_verified, waited = threading.Event(), []
-    verify_frame, detect = DepthCn.verify_frame, ModalityDetector.detect
-
-    def verify_and_signal(*given):
-        verified = verify_frame(*given)
-        has_verified.set()
-        return verified
-
-    def detect_late(*given):
-        waited.append(has_verified.wait(timeout=20))
-        return detect(*given)
-
-    monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
-    monkeypatch.setattr(ModalityDetector, "detect", detect_late)
+    waited = hold(monkeypatch, (ModalityDetector, "detect"), (DepthCn, "verify_frame"))
     with Pipeline(config=stages_in_turn) as pipeline:
         pipeline.step(street_frames[0])
     assert waited == [True] * len(MODALITIES)
