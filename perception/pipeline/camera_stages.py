@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.source_record import SourceRecord
 from perception.detection.networks import (
@@ -51,6 +52,7 @@ from perception.types import (
     DetectorModality,
     Frame,
     FusedDetections,
+    GroundModel,
     Modality,
     ModalityDetections,
     Result,
@@ -138,13 +140,22 @@ class CameraStages(Restorable):
             if above is not None:
                 clock.add(above.span, started_s)
             found = None if above is None else above.vehicles
-            located = self._locate(frame, detections, found, lidar, clock, has_scan=has_scan)
+            posed = lidar.posed_ground()
+            # What was seen at another time says nothing of now.
+            is_now = has_scan or frame.stamp_s == lidar.result.result().scan.stamp_s
+            located = None
+            if found is not None or any(one is not None for one in detections):
+                with clock.stage("vehicle location"):
+                    located = self._locate(
+                        frame, detections, found, posed.ground, has_scan=has_scan, is_now=is_now
+                    )
             # What it finds changes later frames alone.
             compared = usable if has_scan else replace(usable, image=None)
-            pose = lidar.posed_ground().world_SE3_velo
+            pose = posed.world_SE3_velo
             off = clock.run("calibration", self._miscalibration.update, compared, pose)
             lidar_result = lidar.result.result()
-            vehicles = self._track(frame, detections, located, lidar_result, clock)
+            scenes = [None if one is None else one.scene for one in detections if is_now]
+            vehicles = self._track(frame, located, scenes, lidar_result, clock)
         result = lidar_result.of_frame(measured)
         if vehicles is not None:
             main, *further = (_modality_detections(one) for one in detections)
@@ -258,58 +269,50 @@ class CameraStages(Restorable):
         frame: Frame,
         detections: Sequence[MultimodalOutput | None],
         found: Vehicles | None,
-        lidar: LidarFutures,
-        clock: StageClock,
+        ground: GroundModel,
         *,
         has_scan: bool,
-    ) -> Vehicles | None:
-        """Return the detections in each camera and those from above on the road, each once, once the ground is known."""
-        if found is None and all(one is None for one in detections):
-            return None
-        ground = lidar.posed_ground().ground
-        # What was seen at another time says nothing of now.
-        is_now = has_scan or frame.stamp_s == lidar.result.result().scan.stamp_s
-        with clock.stage("vehicle location"):
-            located = {
-                camera: locate(
-                    self._fused(one, camera) if is_now else one.fused[:0],
-                    frame.views[camera],
-                    ground,
-                    self._vehicles,
-                    uses_scan=has_scan,
-                )
-                for camera, one in enumerate(detections)
-                if one is not None
-            }
-            vehicles = join_cameras(located, frame, self._vehicles.min_existence)
-            if found is None or not is_now:
-                return vehicles
-            searched = {
-                camera: self._sources.works(camera, "rgb")
-                for camera, one in enumerate(detections)
-                if _has_searched_image(one)
-            }
-            return join_bev(vehicles, found, frame, searched)
+        is_now: bool,
+    ) -> Vehicles:
+        """Return the detections in each camera and those from above on the road, each once."""
+        located = {
+            camera: locate(
+                self._fused(one, camera) if is_now else one.fused[:0],
+                frame.views[camera],
+                ground,
+                self._vehicles,
+                uses_scan=has_scan,
+            )
+            for camera, one in enumerate(detections)
+            if one is not None
+        }
+        vehicles = join_cameras(located, frame, self._vehicles.min_existence)
+        if found is None or not is_now:
+            return vehicles
+        searched = {
+            camera: self._sources.works(camera, "rgb")
+            for camera, one in enumerate(detections)
+            if _has_searched_image(one)
+        }
+        return join_bev(vehicles, found, frame, searched)
 
     def _track(
         self,
         frame: Frame,
-        detections: Sequence[MultimodalOutput | None],
         located: Vehicles | None,
+        scenes: Sequence[DetectedScene | None],
         lidar: LidarResult,
         clock: StageClock,
     ) -> VehicleTrackerResult | None:
-        """Return located detections as tracked vehicles."""
+        """Return located detections as tracked vehicles, whose scenes tell which sources work."""
         if lidar.is_reset:
             self._tracker.clear()
         if located is None:
             return None
         with clock.stage("vehicles"):
-            is_now = not lidar.is_predicted or frame.stamp_s == lidar.scan.stamp_s
             if frame.stamp_s != lidar.scan.stamp_s:
                 frame = replace(frame, stamp_s=lidar.scan.stamp_s)
-            scenes = [None if one is None else one.scene for one in detections]
-            self._sources.update(frame.stamp_s, located, scenes if is_now else [])
+            self._sources.update(frame.stamp_s, located, scenes)
             pose, covariance = lidar.world_SE3_velo, lidar.scan.covariance
             return self._tracker.update(located, frame, pose, lidar.tracks, covariance)
 
