@@ -59,15 +59,15 @@ class HealthSummary:
             self.faults[one.fault] = replace(known, frames=known.frames + 1, level=level)
 
     def text(self) -> str:
-        """Return one line."""
+        """Return one line, and one for each fault."""
         if not self.faults:
             return f"health: OK in all {self.frames} frames"
         by_frames = sorted(self.faults.items(), key=lambda item: -item[1].frames)
         faults = [
-            f"{name} in {one.frames} from frame {one.first} on ({one.level.name})"
+            f"  {name} in {one.frames} from frame {one.first} on ({one.level.name}): {one.reason}"
             for name, one in by_frames
         ]
-        return f"health: OK in {self.healthy} of {self.frames} frames; {', '.join(faults)}"
+        return "\n".join([f"health: OK in {self.healthy} of {self.frames} frames", *faults])
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers and the faults by name."""

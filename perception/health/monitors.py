@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Sequence
-from math import inf
 from statistics import median
 
 from perception.health.ins_monitor import InsMonitor
@@ -39,13 +38,14 @@ class ScanTimeMonitor:
         if step_s < 0:
             return [self._not_rising(frame.stamp_s, step_s)]
         is_known = len(self._steps_s) >= _MIN_STEPS
-        usual_s = median(self._steps_s) if is_known else inf
+        usual_s = median(self._steps_s) if self._steps_s else _JUMP_S
         expected_s = usual_s * (1 + self._rejected)
         self._last_s, self._rejected_s, self._rejected = frame.stamp_s, None, 0
         self._steps_s.append(step_s)
-        if step_s <= (_MAX_PERIODS - 1) * usual_s + expected_s:
-            return []
         is_jump = step_s > max(_JUMP_S, _JUMP_PERIODS * usual_s)
+        is_late = is_known and step_s > (_MAX_PERIODS - 1) * usual_s + expected_s
+        if not is_jump and not is_late:
+            return []
         reason = f"{step_s:.3f} s after the scan before, expected {expected_s:.3f} s"
         return [HealthFinding(LIDAR, HealthLevel.WARN, TIME_JUMP if is_jump else LATE, reason)]
 

@@ -15,8 +15,10 @@ def test_the_results_name_the_faults(street, tmp_path, capsys):
     assert named[:2] == [[], ["camera missing"]]
     assert sorted(named[2]) == ["INS absent", "camera missing"]
     assert named[3] == ["INS absent"]
-    line = "health: OK in 1 of 4 frames; "
-    assert line in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "health: OK in 1 of 4 frames\n" in printed
+    missing = "the frame has no image, those before it had one"
+    assert f"\n  camera missing in 2 from frame 1 on (ERROR): {missing}\n" in printed
     faults = folder.summary()["health"]["faults"]
     assert {name: (one["level"], one["frames"], one["first"]) for name, one in faults.items()} == {
         "camera missing": ("ERROR", 2, 1),

@@ -1,10 +1,10 @@
-"""Faults of a drive in one line."""
+"""Faults of a drive, a line each."""
 
 from perception.evaluation.run_summary import HealthSummary
 from perception.types import Health, HealthFinding, HealthLevel
 
 
-def test_a_drive_is_summed_up_in_one_line():
+def test_each_fault_of_a_drive_has_a_line():
     summary = HealthSummary()
     late = HealthFinding("lidar", HealthLevel.WARN, "beams lost", "2 of 64")
     dim = HealthFinding("camera", HealthLevel.WARN, "camera dark", "dim")
@@ -14,8 +14,9 @@ def test_a_drive_is_summed_up_in_one_line():
     for frame, findings in enumerate([[late], [dim], [dark], []], start=5):
         summary.update(frame, Health.of(findings))
     assert summary.text() == (
-        "health: OK in 2 of 5 frames; camera dark in 2 from frame 6 on (ERROR), "
-        "beams lost in 1 from frame 5 on (WARN)"
+        "health: OK in 2 of 5 frames\n"
+        "  camera dark in 2 from frame 6 on (ERROR): dim\n"
+        "  beams lost in 1 from frame 5 on (WARN): 2 of 64"
     )
     written = summary.to_json()
     assert (written["frames"], summary.healthy, list(written["faults"])) == (

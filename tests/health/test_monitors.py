@@ -109,6 +109,15 @@ def test_a_clock_that_was_set_back_starts_the_drive_again(clean):
     ]
 
 
+@pytest.mark.parametrize("before", [1, 2, 9])
+def test_a_gap_of_a_minute_is_a_time_jump_wherever_it_stands(before, clean):
+    monitor = ScanTimeMonitor()
+    stamps = [0.1 * step + (0 if step < before else 60) for step in range(12)]
+    found = [monitor.update(replace(clean[0], stamp_s=stamp)) for stamp in stamps]
+    named = [(step, one.fault, one.reason[:9]) for step, of in enumerate(found) for one in of]
+    assert named == [(before, "time jump", "60.100 s ")]
+
+
 def test_a_frozen_ins_is_noticed_by_the_way_of_the_scans(clean):
     monitor = InsMonitor()
     for frame in clean[:10]:
