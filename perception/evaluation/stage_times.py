@@ -15,21 +15,20 @@ Key = TypeVar("Key")
 ALL_STAGES = "all stages"
 END_TO_END = "end to end"
 
+_DEPTHCN, _RGB, _BEV = "DepthCN", "rgb detector", "bev detector"
+_MAPS = ("dm detector", "rm detector", "maps", "fusion")
 _NO_DEPTHCN = "--pipeline.detection.depthcn.no-enabled"
-_DEPTHCN = "DepthCN"
-_FURTHER_DETECTORS = (_DEPTHCN, "dm detector", "rm detector", "bev detector")
-# What makes a frame cheaper, the smallest loss first: flags, what they leave out, and its stages.
-_SAVINGS: Sequence[tuple[str, str, tuple[str, ...]]] = (
-    (_NO_DEPTHCN, _DEPTHCN, (_DEPTHCN,)),
+_MODALITIES = "--pipeline.detection.modalities"
+# What makes a frame cheaper, the smallest loss first: flags, what they leave out, its stages, and the one they keep.
+_SAVINGS: Sequence[tuple[str, str, tuple[str, ...], str | None]] = (
+    ("", "DepthCN", (), None),
+    (f"{_MODALITIES} rgb", "all detectors but that of the image", (*_MAPS, _BEV), _RGB),
+    (f"{_MODALITIES} bev", "all detectors but that from above", (*_MAPS, _RGB), _BEV),
     (
-        f"{_NO_DEPTHCN} --pipeline.detection.modalities rgb",
-        "all detectors but that of the image",
-        _FURTHER_DETECTORS,
-    ),
-    (
-        f"{_NO_DEPTHCN} --pipeline.detection.modalities []",
+        f"{_MODALITIES} []",
         "all detectors of vehicles",
-        (*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion", "vehicle location", "vehicles"),
+        (*_MAPS, _RGB, _BEV, "vehicle location", "vehicles"),
+        None,
     ),
 )
 
@@ -138,10 +137,14 @@ class StageTimes:
             return f"{line}: keeps up with {rate}"
         late = np.nanmean(np.asarray(self.frames_s) > period_s)
         line += f": too slow for {rate} in {100 * late:.0f} % of the frames"
-        for flags, left_out, stages in _SAVINGS:
-            shares = [rows[name].share_percent or 0.0 for name in stages if name in rows]
-            if whole.p99_ms * (1 - sum(shares) / 100) <= period_ms:
-                named = flags if _DEPTHCN in rows else flags.removeprefix(f"{_NO_DEPTHCN} ")
+        without = [_NO_DEPTHCN] if _DEPTHCN in rows else []
+        for flags, left_out, stages, kept in _SAVINGS:
+            shares = [
+                rows[name].share_percent or 0.0 for name in (_DEPTHCN, *stages) if name in rows
+            ]
+            is_less = whole.p99_ms * (1 - sum(shares) / 100) <= period_ms
+            if is_less and (kept is None or kept in rows):
+                named = " ".join([*without, flags]).strip()
                 return f"{line}; {named} would keep up, and leaves out {left_out}"
         return f"{line}; no flag makes this machine keep up"
 

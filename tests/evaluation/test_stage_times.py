@@ -101,14 +101,29 @@ def test_the_verdict_names_what_would_keep_up(frames_ms, depthcn_ms, verdict):
     assert times.verdict(period_s=0.1) == f"pipeline: {verdict}"
 
 
-def test_the_verdict_leaves_out_nothing_that_did_not_run():
-    collected = StageTimes()
-    spans = (
-        StageSpan("bev detector", "worker", 0, 0.09),
-        StageSpan("ground", "worker", 0.09, 0.15),
-    )
+@pytest.mark.parametrize(
+    ("detectors_ms", "advice"),
+    [
+        ({"bev detector": 90}, "[] would keep up, and leaves out all detectors of vehicles"),
+        (
+            {"bev detector": 90, "rgb detector": 30},
+            "rgb would keep up, and leaves out all detectors but that of the image",
+        ),
+        (
+            {"bev detector": 30, "rgb detector": 90},
+            "bev would keep up, and leaves out all detectors but that from above",
+        ),
+        (
+            {"bev detector": 90, "rgb detector": 90},
+            "[] would keep up, and leaves out all detectors of vehicles",
+        ),
+    ],
+)
+def test_the_verdict_keeps_a_detector_that_ran_and_is_quick_enough(detectors_ms, advice):
+    collected, stop_ms, spans = StageTimes(), 60, [StageSpan("ground", "worker", 0, 0.06)]
+    for name, of_one_ms in detectors_ms.items():
+        spans.append(StageSpan(name, "worker", stop_ms / 1e3, (stop_ms + of_one_ms) / 1e3))
+        stop_ms += of_one_ms
     timings_s = {span.stage: span.stop_s - span.start_s for span in spans}
-    collected.update(replace(known_result(0), spans=spans, timings_s=timings_s))
-    assert collected.verdict(period_s=0.1).endswith(
-        "; --pipeline.detection.modalities rgb would keep up, and leaves out all detectors but that of the image"
-    )
+    collected.update(replace(known_result(0), spans=tuple(spans), timings_s=timings_s))
+    assert collected.verdict(period_s=0.1).endswith(f"; --pipeline.detection.modalities {advice}")
