@@ -26,6 +26,8 @@ _MIN_SCORE = 0.85
 _MIN_PATTERN_SHARE = 0.93  # of the number of beams, where their elevations do not agree
 _MAX_SCATTER_RAD = np.radians(1.5)
 _MAX_SHIFT_RAD = np.radians(0.6)
+_MAX_OFF_BEAMS = 0.42  # calibrated beams that come in blocks: 0.36
+_VIEW_QUANTILES, _VIEW_TOLERANCE_RAD = (0.005, 0.995), np.radians(2.5)
 _MIN_RING_POINTS = 20
 _MAX_BEAMS = 256
 
@@ -41,6 +43,7 @@ class LidarEstimate:
         has_rings: Whether the beams are those that the files number.
         scatter_rad: Range of the elevations of most returns of one numbered beam; much where points are not given about
             the origin of the LiDAR, or are of several LiDARs.
+        is_on_beams: Whether returns lie at the elevations of beams; False for a LiDAR without rings.
     """
 
     elevations_rad: Float64
@@ -48,6 +51,7 @@ class LidarEstimate:
     fitting: tuple[tuple[str, float], ...]
     has_rings: bool
     scatter_rad: float = 0.0
+    is_on_beams: bool = True
 
     @property
     def is_about_lidar(self) -> bool:
@@ -97,7 +101,10 @@ def estimate_lidar(
         first, second = _across(vertical)
         turn = np.stack([first, second, vertical]).astype(np.float32)
         fitting = _models_by_pattern(scans[0] @ turn.T, len(beams))
-    return LidarEstimate(beams, step, fitting, has_rings, scatter_rad)
+    is_on_beams = bool(fitting) or has_rings or _off_beams(elevation, beams) <= _MAX_OFF_BEAMS
+    if not is_on_beams:
+        fitting = _models_by_view(elevation, azimuth)
+    return LidarEstimate(beams, step, fitting, has_rings, scatter_rad, is_on_beams)
 
 
 def _across(vertical: Float64) -> tuple[Float64, Float64]:
@@ -205,6 +212,34 @@ def _models_by_pattern(points: Float32, seen: int) -> tuple[tuple[str, float], .
         name: min(seen, model.beams) / max(seen, model.beams)
         for name, model in SENSORS.items()
         if pattern.fits(model)
+    }
+    fitting = [(name, share) for name, share in shares.items() if share >= _MIN_PATTERN_SHARE]
+    return tuple(sorted(fitting, key=lambda one: -one[1]))
+
+
+def _off_beams(elevations_rad: Float64, beams_rad: Float64) -> float:
+    """Return how far returns are off the nearest beam: on average 0 at beams, 0.5 where there are none, 1 between two."""
+    rising = beams_rad[::-1]
+    inside = elevations_rad[(elevations_rad > rising[0]) & (elevations_rad < rising[-1])]
+    above = np.clip(np.searchsorted(rising, inside), 1, len(rising) - 1)
+    gap_rad = rising[above] - rising[above - 1]
+    away_rad = np.minimum(inside - rising[above - 1], rising[above] - inside)
+    return float(np.mean(2 * away_rad / gap_rad)) if len(inside) else 0.0
+
+
+def _models_by_view(
+    elevations_rad: Float64, azimuths_rad: Float64
+) -> tuple[tuple[str, float], ...]:
+    """Return the models without rings that see as far to the sides, and as far up and down as there are returns."""
+    low_rad, high_rad = np.quantile(elevations_rad, _VIEW_QUANTILES)
+    around_rad = np.sort(azimuths_rad % (2 * np.pi))
+    view_rad = 2 * np.pi - np.diff(around_rad, append=around_rad[0] + 2 * np.pi).max()
+    shares = {
+        name: min(view_rad, model.field_of_view_rad) / max(view_rad, model.field_of_view_rad)
+        for name, model in SENSORS.items()
+        if not model.has_rings
+        and model.elevations_rad[-1] - _VIEW_TOLERANCE_RAD <= low_rad
+        and high_rad <= model.elevations_rad[0] + _VIEW_TOLERANCE_RAD
     }
     fitting = [(name, share) for name, share in shares.items() if share >= _MIN_PATTERN_SHARE]
     return tuple(sorted(fitting, key=lambda one: -one[1]))

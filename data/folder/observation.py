@@ -298,6 +298,12 @@ def _sensor_observations(lidar: LidarEstimate | None) -> list[Observation]:
     if not lidar.is_about_lidar:
         reason = f"beams scatter by {np.degrees(lidar.scatter_rad):.1f} degrees: points are not about the origin of one LiDAR"
         return [Observation("sensor", beams, "guess", reason, "sensor")]
+    if not lidar.is_on_beams:
+        reason = f"returns from {low_deg:.1f} to {high_deg:.1f} degrees follow no rings"
+        model = lidar.model.name if lidar.model else f"no known model: {beams}"
+        return [
+            Observation("sensor", model, "likely" if lidar.model else "guess", reason, "sensor")
+        ]
     if lidar.model is None:
         certainty: Certainty = "sure" if lidar.has_rings else "likely"
         return [Observation("sensor", f"no known model: {beams}", certainty, source, "sensor")]

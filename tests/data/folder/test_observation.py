@@ -52,6 +52,25 @@ def test_an_unknown_sensor_is_a_table_of_its_beams(write_folder):
     assert lidar.azimuth_step_deg == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("half_deg", "sensor", "certainty"),
+    [(35.2, "Avia", "likely"), (40.8, "Horizon", "likely"), (25.0, "LiDAR with", "guess")],
+)
+def test_returns_that_follow_no_rings_are_of_a_lidar_without(
+    write_folder, half_deg, sensor, certainty
+):
+    rng = np.random.default_rng(3)
+    azimuth = np.radians(rng.uniform(-half_deg, half_deg, 20_000))
+    elevation = np.radians(rng.uniform(-12, 12, 20_000))
+    range_m = np.minimum(1.9 / np.sin(np.maximum(-elevation, 0.05)), 30 / np.cos(azimuth))
+    flat_m = range_m * np.cos(elevation)
+    points = [flat_m * np.cos(azimuth), flat_m * np.sin(azimuth), range_m * np.sin(elevation)]
+    found = observe_folder(write_folder([np.column_stack([*points, np.full(20_000, 0.5)])]))
+    (seen,) = (one for one in found.observations if one.what == "sensor")
+    assert found.config.lidar.sensor.startswith(sensor)
+    assert (seen.certainty, "follow no rings" in seen.reason) == (certainty, True)
+
+
 def test_rings_of_the_files_are_the_beams(write_folder):
     scan = road_scan(0)
     rays = np.arctan2(scan[:, 2], np.hypot(scan[:, 0], scan[:, 1]))
