@@ -188,6 +188,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     """
     collected = _FindingList()
     points: list[int] = []
+    has_reflectance = False
     stamps_s: dict[int, float] = {}
     monitors = _SensorMonitors(drive)
     for index in progress(range(len(drive))):
@@ -197,6 +198,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
                 _inspect_setup(frame, drive, collected)
             monitors.update(frame, collected)
             points.append(len(frame.points_velo))
+            has_reflectance |= bool(frame.points_velo[:, 3].any())
             stamps_s[frame.number] = frame.stamp_s
             if frame.invalid_points:
                 sentence, count = describe_invalid_points(frame), frame.invalid_points
@@ -206,7 +208,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     if drive.is_sequence:
         collected.add_anomalies(time_anomalies(stamps_s))
         distance_m = _inspect_poses(drive, stamps_s, collected)
-    _add_notes(drive, collected)
+    _add_notes(drive, collected, has_reflectance=has_reflectance or not points)
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
         name=drive.name,
@@ -338,7 +340,7 @@ def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:
             yield f"{drive.source(index)}: expected the next number after it, found {found}"
 
 
-def _add_notes(drive: RecordedDrive, collected: _FindingList) -> None:
+def _add_notes(drive: RecordedDrive, collected: _FindingList, *, has_reflectance: bool) -> None:
     """Note missing parts, gaps in the numbering, and files that are not used as they are."""
     for note in drive.notes:  # each is of its own kind
         collected.findings[note] = Finding("data not used as they are", 1, note, is_fault=False)
@@ -348,6 +350,7 @@ def _add_notes(drive: RecordedDrive, collected: _FindingList) -> None:
         "images": (drive.has_images, "stages that need a camera cannot run"),
         "INS": (drive.has_poses or not drive.is_sequence, "poses come from registration alone"),
         "labels": (drive.has_labels, "no evaluation against labels"),
+        "reflectance": (has_reflectance, "all are 0; the reflectance map shows nothing"),
     }
     for part, (is_present, consequence) in consequences.items():
         if not is_present:

@@ -352,10 +352,10 @@ def _tilt_deg(angle_rad: float) -> float:
 
 def _reflectance_scale(clouds: Sequence[Cloud]) -> tuple[float, Observation]:
     values = [cloud.intensity for cloud in clouds if cloud.intensity is not None]
-    if not values or not any(map(len, values)):
-        seen = Observation("reflectance", "none", "sure", "no column of it", "reflectance_scale")
-        return 1.0, seen
-    largest = max(float(one[np.isfinite(one)].max(initial=0.0)) for one in values)
+    largest = max((float(one[np.isfinite(one)].max(initial=0.0)) for one in values), default=0.0)
+    if largest == 0:
+        reason = "all values are 0" if values else "no column of it"
+        return 1.0, Observation("reflectance", "none", "sure", reason, "reflectance_scale")
     scale = full_scale(largest)
     is_full = largest > 0.9 * scale
     reason = f"largest value {largest:g}"

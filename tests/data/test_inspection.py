@@ -68,6 +68,16 @@ def test_points_without_a_return_are_counted(raw_drive):
     assert "0000000001.bin: 2 of 3600 points" in note.first_example
 
 
+def test_a_drive_without_reflectance_is_noted(raw_drive):
+    for path in (raw_drive / "velodyne_points/data").iterdir():
+        points = np.fromfile(path, np.float32).reshape(-1, 4)
+        points[:, 3] = 0
+        points.tofile(path)
+    note = _findings(raw_drive)["no reflectance"]
+    assert not note.is_fault
+    assert note.first_example.endswith(": all are 0; the reflectance map shows nothing")
+
+
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_scan_ends_no_check(raw_drive, damage):
     with np.errstate(invalid="ignore"):

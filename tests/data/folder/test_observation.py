@@ -112,6 +112,14 @@ def test_the_scale_of_reflectance_is_seen(write_folder, largest, scale):
     assert observe_folder(write_folder([scan])).config.lidar.reflectance_scale == scale
 
 
+def test_reflectance_that_is_always_0_is_none(write_folder):
+    scan = road_scan(0)
+    scan[:, 3] = 0
+    found = observe_folder(write_folder([scan]))
+    (seen,) = (one for one in found.observations if one.what == "reflectance")
+    assert (seen.value, seen.reason) == ("none", "all values are 0")
+
+
 def test_the_rate_is_that_of_the_names(tmp_path):
     for index in range(3):
         np.save(
