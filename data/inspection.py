@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from data.beam_pattern import beam_anomalies
+from data.clouds.mounting_estimate import estimate_mounting
 from data.kitti.oxts import InsPacket
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
@@ -23,6 +24,7 @@ from data.plausibility import (
     time_anomalies,
 )
 from data.recorded_drive import RecordedDrive
+from data.reflectance import sample_indices
 from perception.errors import (
     CalibrationError,
     DriveError,
@@ -38,7 +40,7 @@ from perception.health.lidar_monitors import LidarMonitors
 from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
 from perception.sensor import LidarModel
-from perception.types import Float64, Frame, Progress
+from perception.types import Float32, Float64, Frame, Progress
 
 _WHAT = {
     ScanError: "scans missing or damaged",
@@ -49,6 +51,7 @@ _WHAT = {
     MountingError: "LiDAR mounting that contradicts its axes or its model",
     DriveError: "unreadable timestamps",
 }
+_MAX_TILT_DEG = 3.0  # camber and the fall of a road to its kerb: up to 2.2
 
 
 @dataclass(frozen=True)
@@ -189,6 +192,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     collected = _FindingList()
     points: list[int] = []
     has_reflectance = False
+    samples: list[Float32] = []
     stamps_s: dict[int, float] = {}
     monitors = _SensorMonitors(drive)
     for index in progress(range(len(drive))):
@@ -199,6 +203,8 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
             monitors.update(frame, collected)
             points.append(len(frame.points_velo))
             has_reflectance |= bool(frame.points_velo[:, 3].any())
+            if index in sample_indices(len(drive)):
+                samples.append(frame.points_velo[:, :3])
             stamps_s[frame.number] = frame.stamp_s
             if frame.invalid_points:
                 sentence, count = describe_invalid_points(frame), frame.invalid_points
@@ -208,6 +214,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     if drive.is_sequence:
         collected.add_anomalies(time_anomalies(stamps_s))
         distance_m = _inspect_poses(drive, stamps_s, collected)
+        _inspect_tilt(samples, collected)
     _add_notes(drive, collected, has_reflectance=has_reflectance or not points)
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
@@ -270,6 +277,20 @@ def _inspect_setup(frame: Frame, drive: RecordedDrive, collected: _FindingList) 
     if frame.calibration is not None:
         collected.add_anomalies(calibration_anomalies(frame.calibration))
         collected.add_anomalies(projection_anomalies(frame, is_forward=drive.has_forward_camera))
+
+
+def _inspect_tilt(scans: list[Float32], collected: _FindingList) -> None:
+    """Note a LiDAR that is tilted more than roads are: its cars are tilted as much."""
+    mounting = estimate_mounting(scans) if scans else None
+    if mounting is None or mounting.height_m is None or mounting.axes[2] != "up":
+        return
+    roll_deg, pitch_deg = np.degrees([mounting.roll_rad, mounting.pitch_rad]).round(1) + 0.0
+    if max(abs(roll_deg), abs(pitch_deg)) > _MAX_TILT_DEG:
+        sentence = (
+            f"expected a level LiDAR, found roll {roll_deg:.1f}, pitch {pitch_deg:.1f} degrees against the road; "
+            "a folder of scans states them in drive.yaml, which trifuse adopt writes"
+        )
+        collected.add("LiDAR tilted", sentence, is_fault=False)
 
 
 def _inspect_truth(drive: RecordedDrive, index: int, collected: _FindingList) -> None:

@@ -68,6 +68,20 @@ def test_points_without_a_return_are_counted(raw_drive):
     assert "0000000001.bin: 2 of 3600 points" in note.first_example
 
 
+@pytest.mark.parametrize(("pitch_deg", "is_noted"), [(1.0, False), (5.0, True)])
+def test_a_tilted_lidar_is_noted(raw_drive, pitch_deg, is_noted):
+    for path in (raw_drive / "velodyne_points/data").iterdir():
+        points = road_scan()
+        points[:, :3] @= from_euler(0, np.radians(pitch_deg), 0)[:3, :3].astype(np.float32)
+        points.tofile(path)
+    found = _findings(raw_drive)
+    assert ("LiDAR tilted" in found) == is_noted
+    if is_noted:
+        note = found["LiDAR tilted"]
+        assert not note.is_fault
+        assert "found roll 0.0, pitch 5.0 degrees against the road" in note.first_example
+
+
 def test_a_drive_without_reflectance_is_noted(raw_drive):
     for path in (raw_drive / "velodyne_points/data").iterdir():
         points = np.fromfile(path, np.float32).reshape(-1, 4)
