@@ -98,11 +98,6 @@ def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows
     return _checked(_to_rows(table, table.numbers[:, -1]), path, frame_count)
 
 
-def format_label_rows(rows: TrackingRows) -> str:
-    """Return rows of 17 columns, each with its line end."""
-    return "".join(f"{line}\n" for line in _format_lines(rows))
-
-
 def format_result_rows(rows: TrackingRows) -> str:
     """Return rows of 18 columns, the last the score, each with its line end."""
     lines = zip(_format_lines(rows), rows.scores.tolist(), strict=True)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path as FilePath
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -34,7 +34,6 @@ from perception.sensor import HDL_64E, LidarModel
 from perception.types import Boxes3D, Float64
 
 TargetClass = Literal["Car", "Cyclist", "Pedestrian"]
-TARGET_CLASSES: tuple[TargetClass, ...] = get_args(TargetClass)
 TARGET_ID = 0  # track id of the object that is followed
 _OCCLUDER_ID = 1
 

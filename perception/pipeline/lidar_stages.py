@@ -86,11 +86,6 @@ class LidarResult:
     health: Health = field(default_factory=Health)
 
     @property
-    def is_predicted(self) -> bool:
-        """Whether pose and tracks are predicted, as the scan cannot be used."""
-        return not is_scan_usable(self.health)
-
-    @property
     def posed_ground(self) -> PosedGround:
         """Ground and drawn pose."""
         return PosedGround(self.ground, self.world_SE3_odom @ self.world_SE3_velo)

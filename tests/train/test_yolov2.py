@@ -6,7 +6,6 @@ from perception.errors import ModelError, UsageError
 from tests.faults import fault
 from train.networks.yolo_head import YoloHead
 from train.networks.yolov2 import (
-    COCO_ANCHORS_CELLS,
     VOC_ANCHORS_CELLS,
     Darknet19,
     YOLOv2,
@@ -45,7 +44,7 @@ def shapes_and_products(network: nn.Module, height: int, width: int):
 
 def test_coco_network_has_the_numbers_of_the_published_file():
     # yolov2.weights is 203,934,260 bytes long, 16 of them its header.
-    assert numbers(on_paper(COCO_CLASSES, anchors_px(COCO_ANCHORS_CELLS))) == (203_934_260 - 16) / 4
+    assert numbers(on_paper(COCO_CLASSES)) == (203_934_260 - 16) / 4
 
 
 def test_backbone_has_the_numbers_of_the_published_file():
@@ -55,7 +54,7 @@ def test_backbone_has_the_numbers_of_the_published_file():
 
 def test_coco_network_costs_what_is_published():
     # "62.94 Bn" operations at 608 x 608; a multiplication and an addition are two.
-    network = on_paper(COCO_CLASSES, anchors_px(COCO_ANCHORS_CELLS))
+    network = on_paper(COCO_CLASSES)
     _, products = shapes_and_products(network, 608, 608)
     assert 2 * products / 1e9 == pytest.approx(62.94, abs=0.01)
 

@@ -32,14 +32,7 @@ _COARSE_STAGE = ((1024, 3), (512, 1), (1024, 3), (512, 1), (1024, 3))
 FINE_CHANNELS, COARSE_CHANNELS = 512, 1024
 STRIDE_PX = 32
 _PASSED_CHANNELS = 64
-# Published with `yolov2.weights` (COCO) and `yolov2-voc.weights`, there in cells of 32 pixels.
-COCO_ANCHORS_CELLS = (
-    (0.57273, 0.677385),
-    (1.87446, 2.06253),
-    (3.33843, 5.47434),
-    (7.88282, 3.52778),
-    (9.77052, 9.16828),
-)
+# Published with `yolov2-voc.weights`, there in cells of 32 pixels.
 VOC_ANCHORS_CELLS = (
     (1.3221, 1.73145),
     (3.19275, 4.00944),

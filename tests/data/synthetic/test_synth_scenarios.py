@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from data.synthetic.scenarios import (
-    TARGET_CLASSES,
     TARGET_ID,
     Scenario,
     ScenarioChallenge,
@@ -111,7 +110,7 @@ def test_the_light_falls_and_then_exceeds_what_it_was():
     assert sun > 1.05 * before
 
 
-@pytest.mark.parametrize("kind", TARGET_CLASSES)
+@pytest.mark.parametrize("kind", ["Car", "Cyclist", "Pedestrian"])
 def test_together_the_van_hides_the_object_and_nobody_runs_into_anybody(kind):
     drive = drive_with(*ScenarioChallenge, kind=kind)
     first, hidden, last = (points_on_object(drive, i) for i in (0, 21, FRAMES - 1))
