@@ -9,7 +9,7 @@ from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import NEAREST_M
 from perception.geometry.se3 import from_motion_vector
 from perception.kernels.edge_sampling import add_map_sums
-from perception.types import Float64, Int
+from perception.types import Float64
 
 # Share of the decrease that the slope promises, from which a step is taken; the smallest share of a step that is tried.
 _DECREASE, _MIN_SHARE = 1e-4, 1e-3
@@ -84,16 +84,12 @@ class AlignmentScore:
     Attributes:
         value: Mean of the image's edges at those of the scan, 0 to 1.
         gradient: (6,) change of the value with the offset.
-        frame_values: (F,) sum of the image's edges of each frame.
-        frame_gradients: (F, 6) change of these sums.
-        frame_edges: (F,) number of edges of each frame.
+        frame_gradients: (F, 6) change of the sum of the image's edges of each frame.
     """
 
     value: float
     gradient: Float64
-    frame_values: Float64
     frame_gradients: Float64
-    frame_edges: Int
 
 
 class EdgeAlignment:
@@ -108,8 +104,7 @@ class EdgeAlignment:
         """
         self.frames = len(frames)
         self._frames, self._turn = tuple(frames), turn
-        self._counts = np.array([len(one.scan) for one in frames])
-        self.edges = int(self._counts.sum())
+        self.edges = sum(len(one.scan) for one in frames)
 
     def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
         """Return how well the edges lie on each other with an offset."""
@@ -121,7 +116,7 @@ class EdgeAlignment:
                 one.points_cam(self._turn), moved_SE3_cam, NEAREST_M, of_frame,
             )  # fmt: skip
         mean = sums.sum(axis=0) / max(self.edges, 1)
-        return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], self._counts)
+        return AlignmentScore(float(mean[0]), mean[1:], sums[:, 1:])
 
     def align(
         self,

@@ -136,7 +136,6 @@ class ObstacleReport(Report):
         objects_by_frames: Labelled objects of the first frames, and of all others.
         missed_moving: Moving objects that were not found to move.
         false_clusters: False moving clusters by their minimum number of points.
-        false_cluster_positions: False moving clusters of the protocol's size.
         shadows: Shadows of moving objects, and the voxels in them.
         points_moving: Confusion of moving points against exact truth.
         points_static: Confusion of static points against exact truth.
@@ -156,7 +155,6 @@ class ObstacleReport(Report):
     objects_by_frames: Mapping[str, ObjectCounts] = field(default_factory=dict)
     missed_moving: ObjectObservations | None = None
     false_clusters: Mapping[str, FalseClusterCounts] = field(default_factory=dict)
-    false_cluster_positions: MovingClusters | None = None
     shadows: Mapping[str, ShadowCounts] = field(default_factory=dict)
     points_moving: Confusion | None = None
     points_static: Confusion | None = None
@@ -368,14 +366,12 @@ class ObstacleMeasure:
     def _add_false_obstacles(self, report: ObstacleReport) -> ObstacleReport:
         clusters = MovingClusters.concatenate(self._clusters)
         shadows = Shadows.concatenate(self._shadows)
-        is_false = clusters.is_false(_CLUSTER_POINTS[1], ignore_dont_care=True)
         return replace(
             report,
             false_clusters={
                 f"{size} points and more": self._count_clusters(clusters, size)
                 for size in _CLUSTER_POINTS
             },
-            false_cluster_positions=clusters[is_false],
             shadows={
                 "shadows": ShadowCounts.of(shadows.clusters),
                 "voxels in them": ShadowCounts.of(shadows.voxels),

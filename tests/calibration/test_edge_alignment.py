@@ -40,8 +40,6 @@ def test_the_gradient_of_rotations_is_that_of_the_value(alignment):
 
 def test_frames_add_up_to_the_whole(alignment):
     score = alignment.score(0.2 * STEP, 4.0)
-    assert score.frame_edges.sum() == alignment.edges
-    assert score.frame_values.sum() / alignment.edges == pytest.approx(score.value)
     np.testing.assert_allclose(score.frame_gradients.sum(axis=0) / alignment.edges, score.gradient)
 
 
