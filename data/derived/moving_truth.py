@@ -103,13 +103,18 @@ def moving_truth(
         motion = label_motion(gather_tracks(exact), thresholds)
         motion = replace(motion, velocities_m_s=_velocities(drive, motion))
         return MovingTruth(exact, motion, view)
-    is_posed = drive.is_sequence and drive.has_labels and drive.has_poses
-    if not (isinstance(drive, RecordedDrive) and is_posed):
+    parts = {
+        "frames in a row": isinstance(drive, RecordedDrive) and drive.is_sequence,
+        "labels with tracks": drive.has_labels,
+        "INS poses": drive.has_poses,
+    }
+    missing = [part for part, is_present in parts.items() if not is_present]
+    if not isinstance(drive, RecordedDrive) or missing:
         raise DriveError(
             drive.root,
             expected="labels with tracks, and INS poses",
-            found="a drive without",
-            advice="name a drive with labelled boxes, such as a tracking sequence",
+            found=f"a drive without {' and '.join(missing)}",
+            advice="name a drive with both, such as a tracking sequence",
         )
     posed = _posed_labels(drive, view)
     return MovingTruth(posed, label_posed_motion(drive, posed, thresholds), view)

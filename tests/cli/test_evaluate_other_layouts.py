@@ -161,7 +161,8 @@ def test_detection(name, evaluate, capsys):
 
 
 def test_datmo_takes_boxes(points_alone):
-    with fault(DriveError, "08", "labels with tracks", advice="labelled boxes"):
+    found = "a drive without labels with tracks"
+    with fault(DriveError, "08", "labels with tracks", found, advice="with both"):
         command("evaluate", "datmo", points_alone)
 
 
