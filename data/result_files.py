@@ -1,6 +1,5 @@
 """Results of any program, told apart by what stands in them: KITTI's and MOTChallenge's rows, COCO's and nuScenes' JSON."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any, Literal
 from data.kitti.mot_rows import are_mot_rows
 from data.kitti.reading import first_row, read_text
 from perception.errors import LabelError, UsageError
+from perception.json_text import read_json_text
 
 ResultKind = Literal["detections", "tracks"]
 ResultForm = Literal["KITTI", "COCO", "nuScenes"]
@@ -72,8 +72,8 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - any document
     """
     text = read_text(path, LabelError, _EXPECTED)
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
+        return read_json_text(text)
+    except ValueError as error:
         advice = "name the folder of results that are texts"
         found = f"no JSON ({error})"
         raise LabelError(path, expected=_EXPECTED, found=found, advice=advice) from error

@@ -3,6 +3,7 @@
 A name for a value (`&a`) that others refer to (`*a`) is refused: ten lines of such names stand for a billion values.
 """
 
+from collections import Counter
 from typing import Any
 
 import yaml
@@ -24,6 +25,20 @@ class UnaliasedLoader(yaml.SafeLoader):  # type: ignore[misc]
         node: yaml.Node | None = super().compose_node(parent, index)
         return node
 
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Construct names and values, and refuse a name with two of them.
+
+        Raises:
+            YAMLError: A name stands twice.
+        """
+        names = Counter(name.value for name, _ in node.value if isinstance(name, yaml.ScalarNode))
+        for name, count in names.most_common(1):
+            if count > 1:
+                problem = f"{name!r} twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+        values: dict[Any, Any] = super().construct_mapping(node, deep)
+        return values
+
 
 def read_yaml(text: str, loader: type[UnaliasedLoader] = UnaliasedLoader) -> Any:  # noqa: ANN401 - any document
     """Return the values of a YAML document.
@@ -33,7 +48,7 @@ def read_yaml(text: str, loader: type[UnaliasedLoader] = UnaliasedLoader) -> Any
         loader: Loader, of which a format may have its own.
 
     Raises:
-        YAMLError: It is damaged, has aliases, or values too deep in each other.
+        YAMLError: It is damaged, has aliases, a name twice, or values too deep in each other.
     """
     try:
         return yaml.load(text, loader)

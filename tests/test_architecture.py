@@ -17,6 +17,7 @@ LAYERS = [
         "perception.sensor",
         "perception.atomic_file",
         "perception.snapshot",
+        "perception.json_text",
         "perception.yaml_text",
     },
     {"perception.kernels"},

@@ -89,11 +89,12 @@ def test_no_text_is_run():
     [
         ("a: &a [1]\nb: *a", "the alias \\*a"),
         ("a: &a {b: 1}\nc:\n  <<: *a", "the alias \\*a"),
+        ("a: 1\nb: 2\na: 3", "'a' twice"),
         ("[" * 5000, "too deep"),
         ("a: " + "9" * 5000, "4300 digits"),
         ("!!python/object/apply:os.system ['true']", "could not determine a constructor"),
     ],
-    ids=["alias", "merge", "deep", "long number", "code"],
+    ids=["alias", "merge", "twice", "deep", "long number", "code"],
 )
 def test_yaml_of_a_stranger_is_values_alone(text, problem):
     from yaml import YAMLError

@@ -12,6 +12,7 @@ import numpy as np
 from data.kitti.reading import read_text
 from perception.atomic_file import write_atomically
 from perception.errors import LabelError
+from perception.json_text import RepeatedKeyError, read_json_text
 from perception.types import Float64
 
 Record = Mapping[str, Any]
@@ -146,14 +147,16 @@ def read_content(path: Path) -> Any:  # noqa: ANN401 - any document
     """Return the document of a JSON file, or the text of another.
 
     Raises:
-        LabelError: The file cannot be read, or is no JSON.
+        LabelError: The file cannot be read, is no JSON, or has a key twice.
     """
     text = read_text(path, LabelError, "labels as text")
     if path.suffix.lower() != ".json":
         return text
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
+        return read_json_text(text)
+    except RepeatedKeyError as error:
+        raise LabelError(path, expected="each id once", found=str(error)) from error
+    except ValueError as error:
         advice = "export it again, it may be cut off"
         raise LabelError(path, expected="JSON", found=str(error), advice=advice) from error
 

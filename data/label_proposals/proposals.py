@@ -1,6 +1,5 @@
 """Proposed labels of the objects of a drive, what is unsure about each, and the file that holds them."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from data.results.documents import write_json
 from perception.detection.bev.classes import GROUPS
 from perception.errors import LabelError
 from perception.geometry.box_overlap import iou_bev
+from perception.json_text import read_json_text
 from perception.tracking.vehicles.class_sizes import CLASS_SIZES
 from perception.tracking.vehicles.evidence import log_odds, probability
 from perception.types import Bool, Boxes3D, Float64, Int
@@ -279,8 +279,8 @@ def read_document(path: Path, form: str, what: str, advice: str) -> dict[str, An
     """
     text = read_text(path, LabelError, what, advice)
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        document = read_json_text(text)
+    except ValueError as error:
         found = f"no whole JSON ({error})"
         raise LabelError(path, expected=what, found=found, advice=advice) from error
     if not isinstance(document, dict) or document.get("format") != form:

@@ -1,7 +1,6 @@
 """The configuration of a command: what `config.yaml` holds is what `--config` reads."""
 
 import difflib
-import json
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +48,7 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     import yaml
 
+    from perception.json_text import read_json_text
     from perception.yaml_text import UnaliasedLoader, read_yaml
 
     def read_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | str:
@@ -61,10 +61,10 @@ def read_config(path: Path) -> dict[str, Any]:
     yaml.add_constructor("tag:yaml.org,2002:int", read_int, loader)
     try:
         text = path.read_text()
-        document = json.loads(text) if path.suffix == ".json" else read_yaml(text, loader)
+        document = read_json_text(text) if path.suffix == ".json" else read_yaml(text, loader)
     except OSError as error:
         raise _unreadable(path, str(error.strerror)) from error
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
+    except (ValueError, yaml.YAMLError) as error:
         raise _unreadable(path, " ".join(str(error).split())) from error
     if document is None:
         return {}

@@ -1,6 +1,5 @@
 """Split files, which `trifuse split` writes, and lists of frames, as KITTI's users share them."""
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from data.results.documents import write_json
 from data.splits.frame_split import DriveParts, FrameSplit
 from data.splits.parts import PARTS, Part
 from perception.errors import LabelError, UsageError
+from perception.json_text import read_json_text
 
 _FORMAT = "trifuse split 1"
 _EXPECTED = f"a split file, {_FORMAT}"
@@ -43,7 +43,7 @@ def read_split(file: Path) -> FrameSplit:
     """
     text = read_text(file, UsageError, _EXPECTED, "make one with: trifuse split")
     try:
-        document = json.loads(text)
+        document = read_json_text(text)
     except ValueError as error:
         raise _unreadable(file, f"no whole JSON document ({error})") from error
     version = document.get("format") if isinstance(document, dict) else None

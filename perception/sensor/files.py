@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from perception.errors import UsageError
+from perception.json_text import read_json_text
 from perception.sensor.models import HDL_64E, SENSORS
 from perception.types import LidarModel
 
@@ -66,7 +67,7 @@ def _read_mapping(path: Path) -> Mapping[str, Any]:
 
     try:
         # YAML's numbers lack 1e-3 without a dot, which JSON has.
-        read = json.loads if path.suffix.lower() == ".json" else read_yaml
+        read = read_json_text if path.suffix.lower() == ".json" else read_yaml
         values = read(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         found = " ".join(str(error).split())

@@ -101,6 +101,16 @@ def test_two_files_of_a_scan_are_named(drive_folder):
         labels_at(root)
 
 
+def test_an_object_twice_under_one_id_is_named(drive_folder):
+    root = drive_folder()
+    writers.openlabel(root, 2)
+    path = root / "labels" / "openlabel.json"
+    name = next(iter(json.loads(path.read_text())["openlabel"]["objects"]))
+    path.write_text(path.read_text().replace(f'"{name}": ', f'"{name}": {{}}, "{name}": '))
+    with fault(LabelError, path.name, "each id once", f"'{name}' twice"):
+        labels_at(root)
+
+
 def test_a_file_that_is_cut_off_is_named(drive_folder):
     root = drive_folder()
     writers.sustechpoints(root, 2)
