@@ -11,6 +11,7 @@ along it as the guard allows: Wortsman et al., "Robust fine-tuning of zero-shot 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import torch
 
 from data.array_store import entry_key
-from data.label_proposals.proposed_labels import read_proposals
+from data.label_proposals.proposed_labels import ProposedLabels, read_proposals
 from data.open_drive import open_drive, open_drives
 from data.recorded_drive import RecordedDrive
 from data.splits.draw import split_in_time
@@ -123,7 +124,6 @@ class Adaptation:
 
         Raises:
             UsageError: A drive is too short.
-            LabelError: Proposals cannot be read.
         """
         self._network, self._out, self._config = network, out, config
         self._drives = [one.drive for one in drives]
@@ -134,7 +134,10 @@ class Adaptation:
         }
         self._parts = split_in_time(self._drives, config.kept, config.gap_s)
         self._folders = {one.drive.name: one.proposals for one in drives if one.proposals}
-        self._proposals = read_proposals(self._folders)
+
+    @cached_property
+    def _proposals(self) -> Mapping[str, ProposedLabels]:
+        return read_proposals(self._folders)
 
     def run(self, bars: Callable[[str], Progress]) -> AdaptationReport:
         """Adapt, and write the model file where it is better.

@@ -1,5 +1,6 @@
 """The drives that a batch is given: folders, globs and lists of them, and a name for the results of each."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from glob import glob
@@ -7,7 +8,12 @@ from pathlib import Path
 
 from data.open_drive import sequences_in
 from data.remote_folder import RemoteFolder, is_url
+from data.results.folder import CONFIG
 from perception.errors import DriveError
+
+log = logging.getLogger(__name__)
+
+_EXPECTED = "a drive, a glob of drives, or a list"
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,10 @@ def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
         DriveError: A pattern matches no path, or a path holds no drive.
         UsageError: There is no such kind of URL, or its package is not installed.
     """
-    return [source for pattern in patterns for source in _sources(pattern)]
+    found = [source for pattern in patterns for source in _sources(pattern)]
+    if not found:
+        raise DriveError(" ".join(patterns), expected=_EXPECTED, found="none")
+    return found
 
 
 def chunks(count: int, start: int, frames: int | None, size: int, every: int = 1) -> list[range]:
@@ -72,9 +81,15 @@ def _sources(pattern: str) -> list[DriveSource]:
         # Path.glob takes no absolute pattern.
         paths = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
         roots = [one.absolute() for one in paths]
-        found = [DriveSource(root, name) for root in roots for name in sequences_in(root)]
+        # A command writes its configuration beside the drives.
+        if left_out := [root for root in roots if root.name == CONFIG and root.is_file()]:
+            log.warning("%s: left out, it is the configuration of a command", left_out[0])
+        drives = [root for root in roots if root not in left_out]
+        found = [DriveSource(root, name) for root in drives for name in sequences_in(root)]
+        if left_out and not found:
+            return []
     if not found:
-        raise DriveError(pattern, expected="a drive, a glob of drives, or a list", found="no path")
+        raise DriveError(pattern, expected=_EXPECTED, found="no path")
     return found
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from data.label_proposals.review_page import PAGE_NAME
 from data.report.markup import (
     Plots,
     Section,
@@ -86,7 +87,7 @@ def _figure(name: str, rows: Sequence[Row], plots: Plots) -> str:
 
 
 def _drives_markup(folder: Path, rows: Sequence[Row], numbers: Sequence[str]) -> str:
-    """Return the drives with links to their own reports: failed ones, then those with most faulty frames."""
+    """Return the drives with links to their own reports, or pages of a review: failed ones, then those with most faulty frames."""
     ranked = sorted(rows, key=_worst_first)
     shown, columns = ranked[:_MAX_ROWS], [name for name in numbers if name != "seconds"][:6]
     cells = [
@@ -97,8 +98,12 @@ def _drives_markup(folder: Path, rows: Sequence[Row], numbers: Sequence[str]) ->
         )
         for row in shown
     ]  # fmt: skip
-    places = {str(row["name"]): f"drives/{row['name']}/report.html" for row in shown}
-    links = {name: place for name, place in places.items() if (folder / place).is_file()}
+    links = {
+        str(row["name"]): place
+        for row in shown
+        for page in (PAGE_NAME, "report.html")
+        if (folder / (place := f"drives/{row['name']}/{page}")).is_file()
+    }
     header = ("drive", "state", "frames", "faulty frames", "seconds", *columns)
     more = len(rows) - len(shown)
     note = note_markup(f"and {more} more: see {DRIVES}") if more else ""

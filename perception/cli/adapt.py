@@ -50,11 +50,11 @@ def adapt(
     opened = open_adapted(drives, sequence, learn, out, images=network == "rgb")
     kind = NETWORKS[network]
     adapted = kind(adaptation.weights, opened[0].drive)
+    made = Adaptation(adapted, opened, out, adaptation, guard)
     print(f"takes about {expected_minutes(opened, adapted, adaptation):.0f} minutes", flush=True)
     weights = [] if adaptation.weights is None else [kind.flag, str(adaptation.weights)]
     for one in opened:
         one.propose(lambda words: call("trifuse label", label, words), weights)
-    made = Adaptation(adapted, opened, out, adaptation, guard)
     report = made.run(lambda what: frame_progress_bar(what, delay_s=0))
     result = report.write(out, {SECTION: config.values})
     print(f"{report.table.text()}\n\n{result}\n{out / 'adapt.md'}")

@@ -132,6 +132,12 @@ def test_a_camera_learns_proposals_in_its_image(drive, tmp_path, monkeypatch):
     assert (written["input_height"], written["network"]) == ("64", "yolox-nano")
 
 
+def test_a_drive_that_is_too_short_is_refused_before_it_is_labelled(words, tmp_path):
+    with fault(UsageError, "kept apart", "a gap of 9 s", "8 frames", "take a longer drive"):
+        command(*words, "--gap-s", "9")
+    assert not (tmp_path / "out" / "labels").exists()
+
+
 def test_labels_are_proposed_where_there_are_none(drive, tmp_path):
     calls = []
     for learned in ("labels", "proposals"):

@@ -137,13 +137,20 @@ def test_what_is_finished_is_known_by_its_key(tmp_path):
     assert task.finished("key") is None
 
 
-def test_drives_are_found_by_folders_globs_and_lists(tmp_path):
+def test_drives_are_found_by_folders_globs_and_lists(tmp_path, caplog):
     for name in ("a", "b", "c"):
         write_car_frames(tmp_path / name, frames=1)
     listed = tmp_path / "drives.txt"
     listed.write_text(f"# two of them\n{tmp_path}/[ab]\n\n")
     for patterns in ([str(listed)], [f"{tmp_path}/a", f"{tmp_path}/b"], [f"{tmp_path}/[ab]"]):
         assert [one.root.name for one in find_drives(patterns)] == ["a", "b"]
+    # As a shell names all that `synth` has written.
+    (tmp_path / "config.yaml").touch()
+    named = [str(tmp_path / name) for name in ("a", "config.yaml")]
+    assert [one.root.name for one in find_drives(named)] == ["a"]
+    assert "left out" in caplog.text
+    with fault(DriveError, "config.yaml", "a drive", "none"):
+        find_drives(named[1:])
     with fault(DriveError, "nowhere/*", found="no path"):
         find_drives(["nowhere/*"])
 

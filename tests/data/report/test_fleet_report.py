@@ -33,6 +33,18 @@ def test_failed_drives_come_first_with_their_sentences(batch):
     assert table.index(">c</th>") < table.index(">a</th>") < table.index(">b</th>")
 
 
+def test_drives_lead_to_their_reports_and_reviews(batch):
+    folder = batch(row("a"), row("b"), row("c"))
+    for place in ("a/report.html", "b/review.html"):
+        (folder / "drives" / place).parent.mkdir(parents=True)
+        (folder / "drives" / place).touch()
+    table = fleet_page(folder).sections[-1].markup
+    assert [f'href="drives/{one}"' in table for one in ("a/report.html", "b/review.html")] == [
+        True
+    ] * 2
+    assert table.count("<a ") == 2
+
+
 def test_faulty_drives_come_before_slow_ones(batch):
     of_frames = {"a": 5.0, "b": 1.0, "c": 4.0}  # of five, without a finding
     rows = [row(name, **{"health.frames": 5.0, "health.healthy": n}) for name, n in of_frames.items()]  # fmt: skip
