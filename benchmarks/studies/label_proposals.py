@@ -263,10 +263,9 @@ def _proposed(
     from perception.geometry.se3 import inverse
 
     rows = [
-        (one, int(row))
-        for one in sorted(file.proposals, key=lambda one: -one.confidence)
-        for row in np.flatnonzero(one.frames == index)
+        (one, int(row)) for one in file.proposals for row in np.flatnonzero(one.frames == index)
     ]
+    rows.sort(key=lambda row: -row[0].box_confidences[row[1]])
     boxes_world = Boxes3D.concatenate(one.boxes_world[row : row + 1] for one, row in rows)
     boxes = transform_boxes(map_SE3_velo @ inverse(file.poses[index]), boxes_world)
     count = len(rows)
@@ -277,7 +276,7 @@ def _proposed(
         yaw_rad=boxes.yaw_rad,
         velocities_m_s=np.full((count, 2), np.nan),
         attributes=np.full(count, ""),
-        scores=np.array([one.confidence for one, _ in rows], np.float64),
+        scores=np.array([one.box_confidences[row] for one, row in rows], np.float64),
     )
     points, numbers = (one.points[row] for one, row in rows), (one.number for one, _ in rows)
     return found, np.array([*points], np.int64), np.array([*numbers], np.int64)

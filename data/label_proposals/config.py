@@ -13,7 +13,7 @@ class ProposedLabelConfig:
 
     Attributes:
         form: Form of the labels in OUT/boxes: those of `trifuse run --label-form`, but for images.
-        min_confidence: Confidence from which an object is a label without a decision, 0 to 1.
+        min_confidence: Confidence from which a box is a label without a decision, 0 to 1.
         review: Decisions that OUT/review.html has saved, by which the labels are written again from OUT/proposals.json.
     """
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from data.array_store import entry_key
 from data.label_proposals.config import ProposedLabelConfig
 from data.label_proposals.proposals import FILE_NAME, ProposalFile
@@ -25,7 +27,7 @@ class ProposedLabels:
 
         Args:
             folder: Folder.
-            min_confidence: Confidence from which an object is a label without a decision.
+            min_confidence: Confidence from which a box is a label without a decision.
 
         Raises:
             LabelError: The proposals or the decisions cannot be read, or do not name their frames.
@@ -37,12 +39,11 @@ class ProposedLabels:
             raise LabelError(path, expected="names of frames", found="none", advice=advice)
         decisions = read_review(review) if review.exists() else {}
         labels = reviewed(file.proposals, decisions, min_confidence)
-        numbers = {one.number for one in labels}
+        labelled = {one.number: one.frames for one in labels}
         unsure = [
-            replace(one, kind=UNSURE)
+            replace(one.select(~np.isin(one.frames, labelled.get(one.number, ()))), kind=UNSURE)
             for one in file.proposals
-            if one.number not in numbers
-            and decisions.get(one.number, Decision()).decision != "reject"
+            if decisions.get(one.number, Decision()).decision != "reject"
         ]
         found = labels_by_frame(file, [*labels, *unsure])
         self._labels = {file.names[frame]: of_frame for frame, of_frame in found.items()}

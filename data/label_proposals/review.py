@@ -72,12 +72,12 @@ def read_review(path: Path, drive: str | None = None) -> Mapping[int, Decision]:
 def reviewed(
     proposals: Sequence[Proposal], decisions: Mapping[int, Decision], min_confidence: float
 ) -> list[Proposal]:
-    """Return the proposals that are labels: those that were accepted, and of the others the confident ones.
+    """Return the proposals that are labels: those that were accepted, and of the others the confident boxes.
 
     Args:
         proposals: Proposals.
         decisions: Decisions by the number of the object.
-        min_confidence: Confidence from which an object is a label without a decision.
+        min_confidence: Confidence from which a box is a label without a decision.
 
     Raises:
         LabelError: A decision is on no proposal, or names an unknown class.
@@ -93,9 +93,9 @@ def reviewed(
         if (kind := decision.kind or one.kind) not in classes:
             expected = f"a type of {', '.join(classes)}"
             raise LabelError(decision.where, expected=expected, found=kind)
-        is_label = decision.decision == "accept" or one.confidence >= min_confidence
-        if is_label and decision.decision != "reject":
-            result.append(replace(one, kind=kind))
+        is_label = (one.box_confidences >= min_confidence) | (decision.decision == "accept")
+        if is_label.any() and decision.decision != "reject":
+            result.append(replace(one.select(is_label), kind=kind))
     return result
 
 

@@ -137,6 +137,15 @@ def proposal(number, confidence):
     return Proposal(number, "Car", confidence, True, np.arange(2), boxes, points, 1, ("few returns",))  # fmt: skip
 
 
+def test_a_box_of_few_returns_is_less_sure_than_its_object():
+    one = replace(proposal(1, 0.9), points=np.array([0, 2]))
+    np.testing.assert_allclose(one.box_confidences, [0.0, 0.72])
+    assert [label.frames.tolist() for label in reviewed([one], {}, 0.5)] == [[1]]
+    [accepted] = reviewed([one], {1: Decision("accept")}, 0.5)
+    assert accepted.frames.tolist() == [0, 1]
+    assert reviewed([one], {}, 0.8) == []
+
+
 def test_decisions_come_before_the_confidence(tmp_path):
     proposals = [proposal(1, 0.9), proposal(2, 0.9), proposal(3, 0.2), proposal(4, 0.2)]
     path = tmp_path / "review.json"
@@ -194,6 +203,12 @@ def test_unsure_proposals_are_learned_neither_as_objects_nor_as_background(tmp_p
     # What is rejected is background.
     assert second.at("a").types.tolist() == ["Van", "Car", "DontCare"]
     assert second.fingerprint != first.fingerprint
+    # So is the box without returns of an object that is sure elsewhere.
+    (tmp_path / "review.json").unlink()
+    rare = replace(proposal(1, 0.9), points=np.array([0, 9]))
+    ProposalFile([rare], poses, {0: "a", 1: "b"}).write(tmp_path)
+    found = ProposedLabels(tmp_path)
+    assert [found.at(name).types.tolist() for name in "ab"] == [["DontCare"], ["Car"]]
     ProposalFile(proposals, poses).write(tmp_path)
     with fault(LabelError, "proposals.json", "names of frames", "none", "trifuse label"):
         ProposedLabels(tmp_path)
