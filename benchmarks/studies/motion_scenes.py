@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from data.batch.parts import run_parts
+from data.synthetic.actors import MOVING_M_S
 from data.synthetic.words import StreetKind
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
@@ -27,7 +28,7 @@ from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
-from perception.types import Float64, Method
+from perception.types import Float64, Method, PointTruth
 
 if TYPE_CHECKING:
     from perception.evaluation.moving_segmentation import MotionCounts
@@ -36,6 +37,7 @@ METHODS: tuple[Method, ...] = ("default", "thesis")
 _PANELS = {"IoU [%]": "iou", "found static [%]": "missed_share", "false/100 scans": "false_a_scan"}
 _OF_EVERYTHING = ("false_clusters", "precision", "iou", "false_a_scan")
 _POOR_INS = (0.5, 0.5)
+_AT_REST_M_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,15 @@ def measure_scene(
             found = stages.step(frame, stages.check(frame, clock), clock, with_datmo=False)
         ids = drive.labels_around(index).track_ids
         speeds_m_s = speeds_of(ids, motion.velocities_of(index, ids))
-        truth = drive.point_truth(index)
+        truth = _without_creeping(drive.point_truth(index), speeds_m_s)
         for key, one in count_motion(found.of_frame(frame), truth, match, speeds_m_s).items():
             total[key] = total.get(key, MotionCounts()) + (one if index else MotionCounts())
     return total
+
+
+def _without_creeping(truth: PointTruth, speeds_m_s: Mapping[int, float]) -> PointTruth:
+    """Take the class of points of objects that roll to a halt: too slow to count as moving, and yet not at rest."""
+    numbers = range(int(truth.instances.max(initial=0)) + 1)
+    speeds = np.array([speeds_m_s.get(number, 0.0) for number in numbers])[truth.instances]
+    creeps = ~truth.is_moving & (speeds > _AT_REST_M_S) & (speeds < MOVING_M_S)
+    return replace(truth, classes=np.where(creeps, 0, truth.classes))

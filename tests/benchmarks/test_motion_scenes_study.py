@@ -3,6 +3,7 @@
 import json
 
 import cv2
+import numpy as np
 import pytest
 
 from benchmarks.studies import motion_scenes
@@ -10,6 +11,7 @@ from benchmarks.studies.motion_scenes import MotionScene, MotionScenesConfig, me
 from data.synthetic.world_kinds import STREETS
 from perception.errors import UsageError
 from perception.sensor import SENSORS
+from perception.types import PointTruth
 from tests.faults import command, fault
 
 
@@ -28,6 +30,12 @@ def test_a_scene_counts_all_scans_but_the_first(monkeypatch):
     assert found["all"].scans == 2
     assert found["all"].objects == sum(one.objects for name, one in found.items() if name != "all")
     assert found["all"].points.true_points > 0
+
+
+def test_what_rolls_to_a_halt_is_neither_moving_nor_static():
+    truth = PointTruth(np.full(5, 10), np.arange(5), np.array([False, True, False, False, False]))
+    without = motion_scenes._without_creeping(truth, {1: 0.05, 2: 0.05, 3: 0.001, 4: 0.5})
+    assert without.classes.tolist() == [10, 10, 0, 10, 10]
 
 
 @pytest.mark.slow
