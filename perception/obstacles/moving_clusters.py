@@ -21,12 +21,14 @@ from perception.kernels.columns import (
     groups_near,
     joinable_columns,
 )
-from perception.obstacles.free_space import VisibilityHistory
+from perception.obstacles.free_space import MARGIN_M, VisibilityHistory
 from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float, Float32, Float64, Int, UInt8
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
-_NEAR_M = 0.7  # edge of the cells in which, or beside which, a body moved in the scan before: 10 m/s at 10 Hz
+# Edge of the cells in which, or beside which, a body moved in the scan before, 10 m/s at 10 Hz, and the largest distance at
+# which a departed object is the cluster behind it.
+_NEAR_M = 0.7
 # Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
 _GAP_RATIO = 2.0
 
@@ -37,17 +39,14 @@ _CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his e
 # static again.
 _STOP_AGE_S = 0.3
 
-# The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is at most 1 m, and
-# at most a quarter of what it was when it was observed last, beside what an acceleration of 2 m/s² makes of it.
-_DEPARTED_GAP_M, _DEPARTED_GAP_RATIO, _DEPARTED_ACCELERATION_M_S2 = 1.0, 0.25, 2.0
+_ACCELERATION_M_S2 = 2.0  # by which an object that departs falls short of its steady path
 
-# Of a body of the scan before and its heir, the smaller number of voxels to the larger one. The heir moves where no more
-# than this share of its voxels contradicts.
-_SIZE_RATIO, _MAX_CONTRADICTED = 0.5, 0.15
+# Of a body of the scan before and its heir, the smaller number of voxels to the larger one; of an object's voxels, those
+# that move, from which on all of it moves. An heir moves where no more than the other share of its voxels contradicts.
+_SAME_RATIO, _MAX_CONTRADICTED = 0.5, 0.15
 
-_WHOLE_OBJECT_RATIO = 0.5  # of an object's voxels that move, from which on all of it moves
-# Length of the moving part of an object from which on it is a vehicle, not a person.
-_VEHICLE_LENGTH_M = 2.0
+# Length of the moving part of an object from which on it is a vehicle, not a person, who is in three neighbouring cells.
+_VEHICLE_LENGTH_M = 3 * _NEAR_M
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ def _heirs(cluster: Int, before: BodiesBefore) -> Bool:
     sizes = np.bincount(cluster)
     ratio = sizes[heir_of] / np.maximum(before.sizes, 1)
     is_heir = np.zeros(len(sizes), bool)
-    is_heir[heir_of[(ratio >= _SIZE_RATIO) & (ratio <= 1 / _SIZE_RATIO)]] = True
+    is_heir[heir_of[(ratio >= _SAME_RATIO) & (ratio <= 1 / _SAME_RATIO)]] = True
     return is_heir
 
 
@@ -198,7 +197,7 @@ def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_h
     sizes = np.bincount(whole)
     share = count_in_groups(whole, moves, len(sizes)) / np.maximum(sizes, 1)
     completed = moves.copy()
-    for number in np.flatnonzero((share >= _WHOLE_OBJECT_RATIO) & (share < 1)):
+    for number in np.flatnonzero((share >= _SAME_RATIO) & (share < 1)):
         rows = np.flatnonzero(whole == number)
         outline = _Rectangle.around(centers_m[rows[moves[rows]], :2])
         is_person = 2 * outline.half_m.max() < _VEHICLE_LENGTH_M
@@ -232,7 +231,7 @@ def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tupl
     """Return how many voxels of each cluster tell that the departed object before it is its own back, and how many not.
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
-    path is extrapolated to now. An object that appears behind a passer-by keeps some distance to him, even where
+    path is extrapolated to now, but for what it sped up. An object that appears behind a passer-by keeps some distance to him, even where
     several sides of his occluded it in turn. Where the gap of then was far too large, something else was in the way,
     nearer to the sensor, and tells nothing.
     """
@@ -245,14 +244,14 @@ def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tupl
             continue
         behind_twice = history.states[row, behind] == Visibility.UNCOVERED
         gap_now_m = (old_s * gap_m - young_s * history.gaps_m[row, behind]) / (old_s - young_s)
-        # By how much an object that speeds up falls short of its steady path.
-        short_m = young_s * old_s / 2 * _DEPARTED_ACCELERATION_M_S2
-        limit_m = np.minimum(gap_m / 2, _DEPARTED_GAP_RATIO * gap_m + short_m)
-        limit_m = np.minimum(limit_m, _DEPARTED_GAP_M)
+        # Errors of both gaps, and what an object that speeds up falls short of its steady path.
+        error_m = MARGIN_M * (old_s + young_s) / (old_s - young_s)
+        limit_m = error_m + young_s * old_s / 2 * _ACCELERATION_M_S2
+        limit_m = np.minimum(_SAME_RATIO * gap_m, min(limit_m, _NEAR_M))
         was_behind |= behind_twice
-        comes |= behind_twice & (gap_now_m >= -_DEPARTED_GAP_M) & (gap_now_m <= limit_m)
+        comes |= behind_twice & (gap_now_m >= -_NEAR_M) & (gap_now_m <= limit_m)
         keeps_away |= behind_twice & (gap_now_m > limit_m)
-    comes = np.where(was_behind, comes & ~keeps_away, gap_m < _DEPARTED_GAP_M)
+    comes = np.where(was_behind, comes & ~keeps_away, gap_m < _NEAR_M)
     # One observation can only confirm: the gap may still be shrinking.
     came, kept_away = (np.bincount(cluster, one, clusters) for one in (comes, keeps_away))
     return came, kept_away

@@ -23,17 +23,14 @@ _SAMPLES = 16  # voxels of each end and of the whole body
 
 _MIN_VOXELS = 30  # of a body; of these, so many are new or moved before
 _MIN_NEW_VOXELS = 10
-# Of a cluster wider than a lorry with its mirrors, only what is in line with what is new is a body. Along its shorter axis
-# only what is no longer than that is one.
-_MAX_WIDTH_M = 3.2
+_MAX_WIDTH_M = 3.2  # of a lorry with its mirrors
 _END_M = 0.7  # of a body, from which as many samples are taken as from all of it
 
 _STEP_M = 0.3  # of distances: less than the margins of a hit on both sides
 _MAX_DISTANCE_M = 8.0  # since the oldest queried scan; what came farther has left its place
 _MAX_CHANGE = 0.6  # of the mean speed since a scan from that since the oldest
 _LOG_ODDS = 0.5  # of a sample: neighbours err together
-_PRIOR = 6.0  # log odds of rest, of what has not moved before
-_RARITY = 4.0  # power of the distance by which motions are rarer
+_PRIOR = 4.0  # log odds of rest, of what has not moved before, and power of the distance by which motions are rarer
 _MOVES_FOR_S = 5.0  # mean time from a start to a stop
 
 
@@ -112,7 +109,7 @@ class _Paths:
             moved_before: Share of its voxels that moved in the scan before.
             interval_s: Time since the scan before.
         """
-        rarity = _RARITY * np.log1p(np.arange(1, len(evidence[-1]) // 2 + 1))
+        rarity = _PRIOR * np.log1p(np.arange(1, len(evidence[-1]) // 2 + 1))
         moves, stopped = -np.inf, 0.0
         for side in (1, -1):
             came = [one[::side][len(one) // 2 + 1 :] for one in evidence]
@@ -218,7 +215,10 @@ def _bodies(occupied: OccupiedPlaces) -> list[_Body]:
 
 
 def _body(occupied: OccupiedPlaces, rows: Int, heading_rad: float) -> _Body:
-    """Return the part of a cluster that may be a body: all of it if it is as wide as a vehicle, else what is in line."""
+    """Return the part of a cluster that may be a body: all of it if it is as wide as a vehicle, else what is in line.
+
+    In line with what is new; along its shorter axis only what is no longer than that is a body.
+    """
     axis = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0], np.float32)
     left_m = occupied.places_m[rows] @ np.array([-axis[1], axis[0], 0.0], np.float32)
     if np.ptp(left_m) > _MAX_WIDTH_M:

@@ -35,7 +35,7 @@ def test_a_body_moves_where_one_way_explains_all_scans(distances_m, moves):
 
 def test_what_moved_before_needs_less_evidence_the_sooner_the_next_scan():
     paths = _Paths.since(AGES_S)
-    weak = [table / 4 for table in evidence(paths, (0.9, 1.8, 2.7))]
+    weak = [table / 6 for table in evidence(paths, (0.9, 1.8, 2.7))]
     odds = [paths.log_odds(weak, *one) for one in ((1.0, 0.1), (1.0, 0.5), (0.5, 0.1), (0.0, 0.1))]
     assert odds == sorted(odds, reverse=True)
     assert odds[0] > 0 > odds[-1]
