@@ -68,6 +68,18 @@ class MotionModes(ArrayTable):
         covariances[:, _STANDS, :2, :2] *= np.exp(elapsed_s / _MEMORY_S)
         return type(self)(means, covariances, probabilities)
 
+    def squared_distances(self, centers_m: Float64, noise: Float64) -> Float64:
+        """Return (T,) squared Mahalanobis distances of centres (T, 2) with noise (T, 2, 2), by the nearer motion."""
+        by_motion = [
+            motion_model.squared_distances(
+                Gaussians(self.means[:, one], self.covariances[:, one]),
+                centers_m[:, None],
+                noise[:, None],
+            )[:, 0]
+            for one in (_STANDS, _MOVES)
+        ]
+        return np.minimum(*by_motion)
+
     def corrected(self, centers_m: Float64, noise: Float64) -> Self:
         """Return the motions after one centre (T, 2) each with its noise (T, 2, 2)."""
         count = len(self)

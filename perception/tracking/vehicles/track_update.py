@@ -181,9 +181,15 @@ def _seen_on_ground(
     frame: FrameGeometry,
     elapsed_s: float,
 ) -> VehicleTable:
-    """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
-    centers_m, noise = observations.boxes_world.bottom_m[:, None, :2], observations.noise[:, None]
-    distances = motion_model.squared_distances(tracks, centers_m, noise)[:, 0]
+    """Correct the tracks located near their prediction, and relocate those located elsewhere for some time.
+
+    A vehicle is near where either of its motions expects it: their mean is far from what starts fast. The returns of a person
+    may be those of another object, and are no motion.
+    """
+    centers_m, noise = observations.boxes_world.bottom_m[:, :2], observations.noise
+    of_mean = motion_model.squared_distances(tracks, centers_m[:, None], noise[:, None])[:, 0]
+    is_small = tracks.sizes_m[:, 0] < SMALL_LENGTH_M
+    distances = np.where(is_small, of_mean, tracks.modes.squared_distances(centers_m, noise))
     both = tracks.is_located & observations.is_located
     is_expected = both & (distances <= motion_model.GATE)
     is_lost = frame.stamp_s - elapsed_s - tracks.last_located_s > RELOCATE_AFTER_S

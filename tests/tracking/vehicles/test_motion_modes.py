@@ -61,3 +61,12 @@ def test_uncertainty_of_both_motions_is_that_of_the_merged_state():
         variances[2:], found.probabilities[0, 1] * found.covariances[0, 1, 2, 2]
     )
     assert variances[0] > found.covariances[0, 0, 0, 0]
+
+
+def test_a_car_is_near_where_either_motion_takes_it():
+    found = observed(10.0).predicted(0.5)
+    place_m = np.array([[17.0, 0.0]])
+    distance = motion_model.squared_distances(found.merged, place_m[:, None], _NOISE[:, None])
+    assert distance[0, 0] == pytest.approx(10.97, abs=0.01)
+    assert found.squared_distances(place_m, _NOISE)[0] == pytest.approx(5.47, abs=0.01)
+    assert found.squared_distances(place_m - [7.0, 0.0], _NOISE)[0] == pytest.approx(0.0)
