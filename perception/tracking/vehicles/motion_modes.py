@@ -68,6 +68,10 @@ class MotionModes(ArrayTable):
         covariances[:, _STANDS, :2, :2] *= np.exp(elapsed_s / _MEMORY_S)
         return type(self)(means, covariances, probabilities)
 
+    def shifted(self, shift_m: Float64) -> Self:
+        """Return the motions of places that are (T, 2) elsewhere."""
+        return replace(self, means=self.means + np.pad(shift_m, ((0, 0), (0, 2)))[:, None])
+
     def squared_distances(self, centers_m: Float64, noise: Float64) -> Float64:
         """Return (T,) squared Mahalanobis distances of centres (T, 2) with noise (T, 2, 2), by the nearer motion."""
         by_motion = [

@@ -261,7 +261,10 @@ def _corrected(
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     away_m = from_world(boxes.bottom_m[:, :2] - frame.world_SE3_velo[:2, 3], boxes.yaw_rad)
     shift_m = shift_behind(away_m, boxes.size_m[:, :2], sizes_m[:, :2], boxes.yaw_rad)
-    modes = tracks.modes.corrected(boxes.bottom_m[:, :2] + shift_m, observations.noise)
+    # The sides that were seen stay where they are.
+    grown_m = shift_behind(away_m, tracks.sizes_m[:, :2], sizes_m[:, :2], boxes.yaw_rad)
+    modes = tracks.modes.shifted(grown_m)
+    modes = modes.corrected(boxes.bottom_m[:, :2] + shift_m, observations.noise)
     tracks = replace(
         tracks.moved(modes),
         axis=axis,

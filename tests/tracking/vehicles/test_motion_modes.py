@@ -70,3 +70,9 @@ def test_a_car_is_near_where_either_motion_takes_it():
     assert distance[0, 0] == pytest.approx(10.97, abs=0.01)
     assert found.squared_distances(place_m, _NOISE)[0] == pytest.approx(5.47, abs=0.01)
     assert found.squared_distances(place_m - [7.0, 0.0], _NOISE)[0] == pytest.approx(0.0)
+
+
+def test_a_shift_moves_the_places_of_both_motions():
+    before = observed(10.0)
+    after = before.shifted(np.array([[0.5, -0.25]]))
+    np.testing.assert_allclose(after.means[0] - before.means[0], [[0.5, -0.25, 0, 0]] * 2)
