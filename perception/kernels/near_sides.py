@@ -20,6 +20,7 @@ _SIDE_NOISE_M, _MAX_OFF_M = (
     0.4,
 )  # deviation of returns from their side, and where one costs no more
 _WEIGHT = 12.0  # number of independent observations that all returns together are worth
+_OTHERS_SHARE = 0.1  # probability that the returns are another object's
 
 
 @compiled((array_of(_F32, 2), array_of(_F32), NUMBER, WHOLE))
@@ -92,7 +93,8 @@ def _moments(turns_rad: Float64, costs: Float64) -> tuple[float, float]:
 def _likely_turn(places_m: Float64, sensor_m: Float64, deviation_rad: float) -> tuple[float, float]:
     """Return mean and standard deviation of the turn at which returns lie on near sides, by what is known of it before.
 
-    Where it may turn farther than is tried, the deviation gets less by the share by which it does within.
+    Where it may turn farther than is tried, the deviation gets less by the share by which it does within. Returns of another
+    object tell nothing of it.
     """
     turns_rad = _STEP_RAD * np.arange(-_STEPS, _STEPS + 1)
     costs = (turns_rad / deviation_rad) ** 2
@@ -100,7 +102,8 @@ def _likely_turn(places_m: Float64, sensor_m: Float64, deviation_rad: float) -> 
     for t, turn_rad in enumerate(turns_rad):
         costs[t] += _side_cost(_turned(places_m, turn_rad), _turned(sensor_m, turn_rad))
     mean_rad, after = _moments(turns_rad, costs)
-    return mean_rad, deviation_rad * np.sqrt(min(after / before, 1.0))
+    left = _OTHERS_SHARE + (1 - _OTHERS_SHARE) * min(after / before, 1.0)
+    return mean_rad, deviation_rad * np.sqrt(left)
 
 
 @compiled((array_of(_F32, 2), array_of(_F32), _ROWS, array_of(NUMBER), NUMBER, NUMBER, WHOLE))
