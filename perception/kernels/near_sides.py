@@ -10,15 +10,10 @@ _BIN_M = 2.0  # edge of the cells by which the returns of a box are found
 _ABOVE_M = 0.1  # over a box in which returns are its own
 _MIN_SINE = 0.15  # of the angle at which a side is seen
 _INSIDE = 0.97  # share of the returns within an edge
-_STEP_RAD, _STEPS = (
-    np.radians(3.0),
-    5,
-)  # between turns that are tried, and their number on either side
+_STEP_RAD, _STEPS = np.radians(3.0), 5  # between turns that are tried, number on either side
 _SAMPLES = 64  # maximum number of returns by which they are compared
-_SIDE_NOISE_M, _MAX_OFF_M = (
-    0.15,
-    0.4,
-)  # deviation of returns from their side, and where one costs no more
+_SIDE_NOISE_M = 0.15  # standard deviation of returns from their side
+_MAX_OFF_M = 0.4  # from a side, beyond which a return costs no more
 _WEIGHT = 12.0  # number of independent observations that all returns together are worth
 _OTHERS_SHARE = 0.1  # probability that the returns are another object's
 
@@ -48,10 +43,8 @@ def _turned(places_m: Float64, turn_rad: float) -> Float64:
     turned_m = np.empty(places_m.shape)
     for n in range(places_m.shape[1]):
         along_m, across_m = places_m[0, n], places_m[1, n]
-        turned_m[0, n], turned_m[1, n] = (
-            cos * along_m + sin * across_m,
-            cos * across_m - sin * along_m,
-        )
+        turned_m[0, n] = cos * along_m + sin * across_m
+        turned_m[1, n] = cos * across_m - sin * along_m
     return turned_m
 
 
