@@ -211,9 +211,9 @@ def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tupl
     """Return how many voxels of each cluster tell that the departed object before it is its own back, and how many not.
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
-    path is extrapolated to now, but for what it sped up. An object that appears behind a passer-by keeps some distance to him, even where
-    several sides of his occluded it in turn. Where the gap of then was far too large, something else was in the way,
-    nearer to the sensor, and tells nothing.
+    path is extrapolated to now, but for what it sped up. An object that appears behind a passer-by keeps some
+    distance to him, even where several sides of his occluded it in turn. Where the gap of then was far too large,
+    something else was in the way, nearer to the sensor, and tells nothing.
     """
     young_s, *older_s = history.ages_s.tolist()
     behind = np.flatnonzero(history.uncovered & (history.states[0] == Visibility.UNCOVERED))
