@@ -15,7 +15,6 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from data.batch.parts import run_parts
-from data.synthetic.actors import MOVING_M_S
 from data.synthetic.words import StreetKind
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
@@ -194,6 +193,8 @@ def measure_scene(
 
 def _without_creeping(truth: PointTruth, speeds_m_s: Mapping[int, float]) -> PointTruth:
     """Take the class of points of objects that roll to a halt: too slow to count as moving, and yet not at rest."""
+    from data.synthetic.actors import MOVING_M_S
+
     numbers = range(int(truth.instances.max(initial=0)) + 1)
     speeds = np.array([speeds_m_s.get(number, 0.0) for number in numbers])[truth.instances]
     creeps = ~truth.is_moving & (speeds > _AT_REST_M_S) & (speeds < MOVING_M_S)

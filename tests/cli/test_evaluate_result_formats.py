@@ -183,7 +183,7 @@ def test_categories_without_a_name(labels, tmp_path):
         ('{"results": []}', "an object with results"),
         ("3", "int"),
         ('[{"image_id": 3', "no JSON (Expecting"),
-        ("[" * 100_000, "no JSON (maximum recursion depth"),
+        ("[" * 100_000, "no JSON (values too deep in each other)"),
         ("0 1 Car", "no JSON (Extra data"),
     ],
 )
