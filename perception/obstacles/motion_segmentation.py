@@ -182,7 +182,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (history.appeared | history.uncovered) & (history.states[0] != Visibility.HIT)
         occupied = OccupiedPlaces(places, clusters, is_new, before.of > 0, moves, self._area)
-        return moving_bodies(occupied, self._memory, self._config.free_space.min_voxels)
+        return moving_bodies(occupied, self._memory)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones at the start of a drive."""

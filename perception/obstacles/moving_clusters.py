@@ -42,9 +42,8 @@ _STOP_AGE_S = 0.3
 _ACCELERATION_M_S2 = 2.0  # by which an object that departs falls short of its steady path
 
 # Of a body of the scan before and its heir, the smaller number of voxels to the larger one; of an object's voxels, those
-# that move, from which on all of it moves; of the mean speeds of a body since two scans. An heir moves where no more than
-# the other share of its voxels contradicts.
-SAME_RATIO, _MAX_CONTRADICTED = 0.5, 0.15
+# that move, from which on all of it moves. An heir moves where no more than the other share of its voxels contradicts.
+_SAME_RATIO, _MAX_CONTRADICTED = 0.5, 0.15
 
 # Length of the moving part of an object from which on it is a vehicle, not a person, who is in three neighbouring cells.
 _VEHICLE_LENGTH_M = 3 * _NEAR_M
@@ -133,7 +132,7 @@ def _heirs(cluster: Int, before: BodiesBefore) -> Bool:
     sizes = np.bincount(cluster)
     ratio = sizes[heir_of] / np.maximum(before.sizes, 1)
     is_heir = np.zeros(len(sizes), bool)
-    is_heir[heir_of[(ratio >= SAME_RATIO) & (ratio <= 1 / SAME_RATIO)]] = True
+    is_heir[heir_of[(ratio >= _SAME_RATIO) & (ratio <= 1 / _SAME_RATIO)]] = True
     return is_heir
 
 
@@ -188,7 +187,7 @@ def _components(image: UInt8) -> Int:
     return np.asarray(labels.ravel(), np.int32)
 
 
-def _complete(centers_m: Float32, columns: VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
+def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
     """Extend motion to the whole object where much of it moves: the side of a slow car fills the place it filled before.
 
     What moves and is short is a person, who reaches little farther: the bush that he passes lies beyond, and the post
@@ -198,13 +197,34 @@ def _complete(centers_m: Float32, columns: VoxelColumns, moves: Bool, was_always
     sizes = np.bincount(whole)
     share = count_in_groups(whole, moves, len(sizes)) / np.maximum(sizes, 1)
     completed = moves.copy()
-    for number in np.flatnonzero((share >= SAME_RATIO) & (share < 1)):
+    for number in np.flatnonzero((share >= _SAME_RATIO) & (share < 1)):
         rows = np.flatnonzero(whole == number)
-        moving_m = centers_m[rows[moves[rows]]]
-        _, near = groups_near(centers_m[rows], moving_m, np.ones(len(moving_m), np.int64), _CELL_M)
-        is_vehicle = np.ptp(moving_m[:, :2], axis=0).max() >= _VEHICLE_LENGTH_M
-        completed[rows] |= is_vehicle | ((near > 0) & ~was_always_hit[rows])
+        outline = _Rectangle.around(centers_m[rows[moves[rows]], :2])
+        is_person = 2 * outline.half_m.max() < _VEHICLE_LENGTH_M
+        reach_m = _CELL_M if is_person else np.inf
+        is_part = outline.contains(centers_m[rows, :2], reach_m)
+        completed[rows] |= is_part & ~(was_always_hit[rows] & is_person)
     return completed
+
+
+@dataclass(frozen=True)
+class _Rectangle:
+    """The smallest rectangle around places on the ground plane, as its middle, its two axes and half their lengths."""
+
+    middle_m: Float64
+    axes: Float64
+    half_m: Float64
+
+    @classmethod
+    def around(cls, places_m: Float) -> "_Rectangle":
+        middle_m, sides_m, angle_deg = cv2.minAreaRect(places_m.astype(np.float32))
+        cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+        return cls(np.array(middle_m), np.array([[cos, sin], [-sin, cos]]), np.array(sides_m) / 2)
+
+    def contains(self, places_m: Float, margin_m: float) -> Bool:
+        """Return which (P, 2) places lie within the margin around the rectangle."""
+        away_m = np.abs((places_m - self.middle_m) @ self.axes.T) - self.half_m
+        return np.asarray((away_m <= margin_m).all(axis=1))
 
 
 def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tuple[Int, Int]:
@@ -227,7 +247,7 @@ def _departures(cluster: Int, clusters: int, history: VisibilityHistory) -> tupl
         # Errors of both gaps, and what an object that speeds up falls short of its steady path.
         error_m = MARGIN_M * (old_s + young_s) / (old_s - young_s)
         limit_m = error_m + young_s * old_s / 2 * _ACCELERATION_M_S2
-        limit_m = np.minimum(SAME_RATIO * gap_m, min(limit_m, _NEAR_M))
+        limit_m = np.minimum(_SAME_RATIO * gap_m, min(limit_m, _NEAR_M))
         was_behind |= behind_twice
         comes |= behind_twice & (gap_now_m >= -_NEAR_M) & (gap_now_m <= limit_m)
         keeps_away |= behind_twice & (gap_now_m > limit_m)

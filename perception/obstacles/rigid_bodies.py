@@ -15,18 +15,20 @@ from perception.geometry.sorting import sorted_keys
 from perception.kernels.bodies import displacement_evidence, longer_axis
 from perception.kernels.columns import count_in_groups
 from perception.obstacles.free_space import MARGIN_M, FreeSpaceMemory
-from perception.obstacles.moving_clusters import SAME_RATIO
 from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
-_SAMPLES = 16  # voxels of each end and of the whole body, and a quarter of those that its outline is fitted to
+_OUTLINE_PLACES = 150  # voxels that its outline is fitted to
+_SAMPLES = 16  # voxels of each end and of the whole body
 
-_MIN_VOXELS = 30  # of a body
+_MIN_VOXELS = 30  # of a body; of these, so many are new or moved before
+_MIN_NEW_VOXELS = 10
 _MAX_WIDTH_M = 3.2  # of a lorry with its mirrors
 _END_M = 0.7  # of a body, from which as many samples are taken as from all of it
 
 _STEP_M = 0.3  # of distances: less than the margins of a hit on both sides
 _MAX_DISTANCE_M = 8.0  # since the oldest queried scan; what came farther has left its place
+_MAX_CHANGE = 0.6  # of the mean speed since a scan from that since the oldest
 _LOG_ODDS = 0.5  # of a sample: neighbours err together
 _PRIOR = 4.0  # log odds of rest, of what has not moved before, and power of the distance by which motions are rarer
 _MOVES_FOR_S = 5.0  # mean time from a start to a stop
@@ -94,8 +96,8 @@ class _Paths:
         ]
         fits = []
         for age_s, came_m in zip(ages_s[:-1], ahead_m[:-1], strict=True):
-            ratio = came_m * ages_s[-1] / (ahead_m[-1][:, None] * age_s)
-            fits.append((ratio >= SAME_RATIO) & (ratio <= 1 / SAME_RATIO))
+            change = np.abs(came_m / (ahead_m[-1][:, None] * age_s / ages_s[-1]) - 1)
+            fits.append(change <= _MAX_CHANGE)
         distances_m = [np.concatenate([-one[::-1], [0], one]).astype(np.float32) for one in ahead_m]
         return cls(ages_s, distances_m, fits)
 
@@ -128,15 +130,12 @@ def _log_odds_of_going_on(time_s: float) -> float:
     return -float(np.log(np.expm1(time_s / _MOVES_FOR_S)))
 
 
-def moving_bodies(occupied: OccupiedPlaces, memory: FreeSpaceMemory, min_voxels: int = 10) -> Bool:
-    """Return which of V occupied voxels belong to bodies that move along one of their axes.
-
-    Of their voxels at least so many are new or moved before.
-    """
+def moving_bodies(occupied: OccupiedPlaces, memory: FreeSpaceMemory) -> Bool:
+    """Return which of V occupied voxels belong to bodies that move along one of their axes."""
     moves = np.zeros(len(occupied.moves), bool)
     ages = memory.queried_ages()
     ages_s = [memory.age_s(age) for age in ages]
-    bodies = _bodies(occupied, min_voxels) if ages_s and ages_s[0] > 0 else []
+    bodies = _bodies(occupied) if ages_s and ages_s[0] > 0 else []
     if not bodies:
         return moves
     paths = _Paths.since(ages_s)
@@ -192,7 +191,7 @@ def _ends(
     return ends[-1], ends[1]
 
 
-def _bodies(occupied: OccupiedPlaces, min_voxels: int) -> list[_Body]:
+def _bodies(occupied: OccupiedPlaces) -> list[_Body]:
     """Return the clusters in which enough is new, along each axis along which they may move."""
     clusters = occupied.clusters
     sizes = np.bincount(clusters)
@@ -200,15 +199,15 @@ def _bodies(occupied: OccupiedPlaces, min_voxels: int) -> list[_Body]:
         count_in_groups(clusters, np.ascontiguousarray(voxels), len(sizes))
         for voxels in (occupied.is_new, ~occupied.moves, occupied.was_moving)
     )
-    may_move = np.maximum(new, was_moving) >= min_voxels
-    is_candidate = (sizes >= _MIN_VOXELS) & may_move & (rest >= min_voxels)
+    may_move = np.maximum(new, was_moving) >= _MIN_NEW_VOXELS
+    is_candidate = (sizes >= _MIN_VOXELS) & may_move & (rest >= _MIN_NEW_VOXELS)
     is_candidate[0] = False
     _, order = sorted_keys(clusters)
     starts = np.cumsum([0, *sizes])
     bodies = []
     for number in np.flatnonzero(is_candidate):
         rows = order[starts[number] : starts[number + 1]]
-        outline_m = occupied.places_m[_thinned(rows, 4 * _SAMPLES), :2]
+        outline_m = occupied.places_m[_thinned(rows, _OUTLINE_PLACES), :2]
         heading_rad, length_m = longer_axis(np.ascontiguousarray(outline_m))
         for turn_rad in np.pi / 2 * np.arange(1 if length_m > _MAX_WIDTH_M else 2):
             bodies.append(_body(occupied, rows, heading_rad + turn_rad))
