@@ -13,6 +13,10 @@ _F32, _U8 = np.float32, np.uint8
 _TOP, _BOTTOM, _SHARE, _REFLECTANCE, _GROUND = range(5)  # planes after those of the slices
 _FREE, _HIDDEN = 1, 2
 _STEPS = np.float32(255)
+_BIN_M = 2.0  # edge of the cells by which the returns of a box are found
+_ABOVE_M = 0.1  # over a box in which returns are its own
+_MIN_SINE = 0.15  # of the angle at which a side is seen
+_INSIDE = 0.97  # share of the returns within an edge
 
 
 @compiled((WHOLE, WHOLE))
@@ -209,3 +213,70 @@ def unsuppressed(places_m: Float64, radii_m: Float64, groups: Int) -> Bool:
                     is_kept[row] = False
                     break
     return is_kept
+
+
+@compiled((array_of(_F32, 2), array_of(_F32), NUMBER, WHOLE))
+def _rows_by_bin(points: Float32, heights_m: Float32, low_m: float, side: int) -> tuple[Int, Int]:
+    """Return the rows of the points above a height in the order of square bins, and where each bin begins, and the last ends."""
+    bin_of, firsts = np.full(len(points), -1, np.int32), np.zeros(side * side + 1, np.int64)
+    for k in range(len(points)):
+        i, j = int(points[k, 0] / _BIN_M + side / 2), int(points[k, 1] / _BIN_M + side / 2)
+        if heights_m[k] > low_m and 0 <= i < side and 0 <= j < side:
+            bin_of[k] = i * side + j
+            firsts[bin_of[k] + 1] += 1
+    firsts = np.cumsum(firsts)
+    rows, filled = np.empty(firsts[-1], np.int64), firsts.copy()
+    for k in range(len(points)):
+        if bin_of[k] >= 0:
+            rows[filled[bin_of[k]]] = k
+            filled[bin_of[k]] += 1
+    return rows, firsts
+
+
+@compiled((array_of(_F32, 2), array_of(_F32), array_of(np.float64, 2), NUMBER, NUMBER, WHOLE))
+def near_edges(
+    points: Float32, heights_m: Float32, boxes: Float64, low_m: float, margin_m: float, least: int
+) -> Float64:
+    """Return (M, 2) how far the returns of each box reach from its middle towards the sensor, along its axis and across.
+
+    NaN where there are few returns, and of a side that is seen at a grazing angle.
+
+    Args:
+        points: (N, 4) points in the sensor's frame.
+        heights_m: (N,) heights above the ground.
+        boxes: (M, 7) x, y and height of the bottom, length, width, height, heading.
+        low_m: Height from which a return counts.
+        margin_m: Length by which boxes are grown to the sides.
+        least: Number of returns from which a box is measured.
+    """
+    edges_m = np.full((len(boxes), 2), np.nan)
+    if len(boxes) == 0:
+        return edges_m
+    reach_m = np.abs(boxes[:, :2]).max() + boxes[:, 3:5].max() + margin_m
+    side = 2 * int(reach_m / _BIN_M) + 3
+    rows, firsts = _rows_by_bin(points, heights_m, low_m, side)
+    places_m = np.empty((2, len(rows)))
+    for m in range(len(boxes)):
+        x, y, top_m = boxes[m, 0], boxes[m, 1], boxes[m, 2] + boxes[m, 5] + _ABOVE_M
+        cos, sin = np.cos(boxes[m, 6]), np.sin(boxes[m, 6])
+        half_m = boxes[m, 3:5] / 2 + margin_m
+        around_m, count = np.hypot(half_m[0], half_m[1]), 0
+        low_i, high_i = (x - around_m) / _BIN_M + side / 2, (x + around_m) / _BIN_M + side / 2
+        low_j, high_j = (y - around_m) / _BIN_M + side / 2, (y + around_m) / _BIN_M + side / 2
+        for i in range(int(low_i), int(high_i) + 1):
+            for k in rows[firsts[i * side + int(low_j)] : firsts[i * side + int(high_j) + 1]]:
+                dx, dy = points[k, 0] - x, points[k, 1] - y
+                along_m, across_m = cos * dx + sin * dy, cos * dy - sin * dx
+                is_in = abs(along_m) < half_m[0] and abs(across_m) < half_m[1]
+                if is_in and heights_m[k] < top_m:
+                    places_m[0, count], places_m[1, count] = along_m, across_m
+                    count += 1
+        if count < least:
+            continue
+        back_m = -(cos * x + sin * y), sin * x - cos * y  # from the box to the sensor
+        last = int(_INSIDE * (count - 1))
+        for axis in range(2):
+            if abs(back_m[axis]) >= _MIN_SINE * np.hypot(x, y):
+                towards_m = np.sign(back_m[axis]) * places_m[axis, :count]
+                edges_m[m, axis] = np.partition(towards_m, last)[last]
+    return edges_m

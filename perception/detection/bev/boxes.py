@@ -37,7 +37,6 @@ class _Columns(NamedTuple):
 
 BOX = _Columns()
 BOXES, DEVIATIONS = 10, 6
-AXIS = 5  # column of the deviation of the axis
 STRIDE = 2  # cells along the side of a place
 SPLIT = BLOCK // STRIDE  # places along the side of a block, S
 MIN_SCORE = 0.07  # below which nothing is reported

@@ -2,8 +2,8 @@
 
 A detection in an image and an object seen from above are the same where the outline of its 3D box in that image overlaps
 the detection, and both are as far along the ray. The image keeps the rectangle, the tracker decides the class by both names,
-the 3D box is the one of the lower stated deviations, and log-odds of scores are added. Where both boxes agree, size and
-axis are the means of both, behind the near sides of that one. What a camera should have seen and has not keeps a lower score.
+the 3D box is the one of the lower stated deviations, and log-odds of scores are added. What a camera should have seen and
+has not keeps a lower score.
 """
 
 from collections.abc import Mapping
@@ -27,9 +27,7 @@ from perception.tracking.vehicles.observations import (
     SAME_PLACE_IOU,
     FrameGeometry,
 )
-from perception.tracking.vehicles.track_update import SMALL_LENGTH_M
-from perception.tracking.visible_sides import from_world, shift_behind
-from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Frame, Int, Vehicles
+from perception.types import Bool, Float64, Frame, Int, Vehicles
 
 _MIN_IOU_PX = 0.3  # minimum IoU of a detection and the outline of a 3D box in its image
 _MIN_IOU = 0.2  # minimum IoU on the ground, with which that in the image does not matter
@@ -165,55 +163,16 @@ def _joined(vehicles: Vehicles, seen: Vehicles, rows: Int, is_better: Bool) -> V
     boxes = replace(own, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.yaw_rad))
     reversal = np.where(is_surer, seen.box_deviations.reversal, own_deviations.reversal)
     deviations = replace(own_deviations, reversal=reversal)
-    best = (
-        boxes.replaced(is_better, seen.boxes[is_better]),
-        deviations.replaced(is_better, seen.box_deviations[is_better]),
-    )
-    other = (
-        seen.boxes.replaced(is_better, boxes[is_better]),
-        seen.box_deviations.replaced(is_better, deviations[is_better]),
-    )
-    boxes, deviations = _averaged(best, other)
     return replace(
         _with_evidence(vehicles, *evidence),
-        boxes=vehicles.boxes.replaced(rows, boxes),
+        boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),
         covariances=covariances,
-        box_deviations=vehicles.box_deviations.replaced(rows, deviations),
+        box_deviations=vehicles.box_deviations.replaced(
+            rows, deviations.replaced(is_better, seen.box_deviations[is_better])
+        ),
         distances_m=distances_m,
         bev_scores=bev_scores,
         bev_types=bev_types,
-    )
-
-
-def _averaged(
-    best: tuple[Boxes3D, BoxDeviations], other: tuple[Boxes3D, BoxDeviations]
-) -> tuple[Boxes3D, BoxDeviations]:
-    """Return (P) boxes and their deviations with the mean outlines of both, by deviations, where these agree.
-
-    The sides of the best one that face the sensor stay where they are: returns show them, and the others are guessed.
-    """
-    (boxes, deviations), (others, other_deviations) = best, other
-    turn_rad = wrap(others.yaw_rad - boxes.yaw_rad, np.pi)
-    off = np.column_stack([others.size_m[:, :2] - boxes.size_m[:, :2], turn_rad])
-    own_m2, other_m2 = (
-        np.column_stack([one.size_m[:, :2], one.yaw_rad]) ** 2
-        for one in (deviations, other_deviations)
-    )
-    rows = np.flatnonzero((off**2 <= _MAX_DEVIATIONS**2 * (own_m2 + other_m2)).all(axis=1))
-    rows = rows[boxes.size_m[rows, 0] >= SMALL_LENGTH_M]
-    shares = own_m2[rows] / (own_m2[rows] + other_m2[rows])
-    moves, size_m, bottom_m = shares * off[rows], boxes.size_m[rows], boxes.bottom_m[rows]
-    yaw_rad = wrap(boxes.yaw_rad[rows] + moves[:, 2])
-    before_m, after_m = size_m[:, :2], size_m[:, :2] + moves[:, :2]
-    bottom_m[:, :2] += shift_behind(
-        from_world(bottom_m[:, :2], yaw_rad), before_m, after_m, yaw_rad
-    )
-    size_m[:, :2] = after_m
-    left = np.sqrt(own_m2[rows] * other_m2[rows] / (own_m2[rows] + other_m2[rows]))
-    found = deviations[rows]
-    size_deviations_m = np.column_stack([left[:, :2], found.size_m[:, 2]])
-    return boxes.replaced(rows, Boxes3D(bottom_m, size_m, yaw_rad)), deviations.replaced(
-        rows, replace(found, size_m=size_deviations_m, yaw_rad=left[:, 2])
     )
 
 

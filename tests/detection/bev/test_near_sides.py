@@ -1,16 +1,14 @@
-"""Near sides of vehicles at their returns: equal to a plain reference, and what is turned and moved by how much."""
-
-from dataclasses import replace
+"""Near sides of vehicles at their returns: equal to a plain reference, and what is moved by how much."""
 
 import numpy as np
 import pytest
 
-from perception.detection.bev.boxes import AXIS, DEVIATIONS, BevDetections
+from perception.detection.bev.boxes import DEVIATIONS, BevDetections
 from perception.detection.bev.near_sides import fit_near_sides
-from perception.kernels.near_sides import near_sides
+from perception.kernels.bev import near_edges
 from perception.types import Boxes3D
 
-LOW_M, MARGIN_M, MIN_RETURNS = 0.25, 0.5, 8
+LOW_M, MARGIN_M, MIN_RETURNS = 0.25, 0.35, 8
 
 
 def found_at(*columns: tuple[float, ...]) -> BevDetections:
@@ -37,10 +35,7 @@ def test_edges_are_those_of_the_reference():
             rng.uniform(1.5, 2.5, 40), rng.uniform(1.2, 2.2, 40), rng.uniform(-4, 4, 40),
         ]
     )  # fmt: skip
-    sure_rad, extent = np.full(40, 1e-3), (LOW_M, MARGIN_M, MIN_RETURNS)
-    sides = near_sides(points, heights_m, boxes, sure_rad, *extent)
-    edges_m = sides[:, 2:]
-    assert sides[:, 0] == pytest.approx(0)
+    edges_m = near_edges(points, heights_m, boxes, LOW_M, MARGIN_M, MIN_RETURNS)
     for box, edges in zip(boxes, edges_m, strict=True):
         axes = np.array([[np.cos(box[6]), np.sin(box[6])], [-np.sin(box[6]), np.cos(box[6])]])
         places_m, sensor_m = (points[:, :2] - box[:2]) @ axes.T, -axes @ box[:2]
@@ -51,7 +46,7 @@ def test_edges_are_those_of_the_reference():
         expected[np.abs(sensor_m) < 0.15 * np.hypot(*box[:2])] = np.nan
         assert edges == pytest.approx(expected, nan_ok=True)
     assert 0 < np.isnan(edges_m).sum() < edges_m.size / 2
-    assert near_sides(points, heights_m, boxes[:0], sure_rad[:0], *extent).shape == (0, 4)
+    assert near_edges(points, heights_m, boxes[:0], LOW_M, MARGIN_M, MIN_RETURNS).shape == (0, 2)
 
 
 def test_a_near_side_is_moved_to_its_returns_and_the_far_one_by_half():
@@ -68,26 +63,9 @@ def test_a_near_side_is_moved_to_its_returns_and_the_far_one_by_half():
 
 def test_a_side_moves_no_farther_than_the_network_may_err():
     rear = returns_of(np.full(40, 10.0), np.linspace(-0.9, 0.9, 40))
-    car = found_at((11.3, 0.0, 0.0, 4.4, 1.8, 1.5, np.pi))  # its front, from 9.1 m
+    car = found_at((11.5, 0.0, 0.0, 4.4, 1.8, 1.5, np.pi))  # its front, from 9.3 m
     fitted = fit_near_sides(car, np.array([True]), *rear).boxes
-    assert fitted.bottom_m[0, 0] - fitted.size_m[0, 0] / 2 == pytest.approx(9.6)
-
-
-def test_a_vehicle_turns_to_its_sides_as_far_as_its_axis_may_err():
-    # Rear and left side, seen from the origin, of a car that heads by 10 degrees to the left.
-    along = np.array([np.cos(np.radians(10)), np.sin(np.radians(10))])
-    left = np.array([-along[1], along[0]])
-    middle, shares = np.array([12.0, -6.0]), np.linspace(-1, 1, 40)[:, None]
-    sides = [middle - 2.2 * along + 0.9 * shares * left, middle + 0.9 * left + 2.2 * shares * along]
-    points = returns_of(*np.concatenate(sides).T)
-    car = found_at((*middle, 0.0, 4.4, 1.8, 1.5, 0.0))
-    fitted = fit_near_sides(car, np.array([True]), *points)
-    assert np.degrees(fitted.boxes.yaw_rad[0]) == pytest.approx(9.5, abs=0.5)
-    assert 0.02 < fitted.deviations[0, AXIS] < 0.05
-    assert fitted.boxes.bottom_m[0, :2] == pytest.approx(middle, abs=0.1)
-    sure = replace(car, deviations=np.full((1, DEVIATIONS), 0.03))
-    held = fit_near_sides(sure, np.array([True]), *points)
-    assert 0 < held.boxes.yaw_rad[0] < fitted.boxes.yaw_rad[0]
+    assert fitted.bottom_m[0, 0] - fitted.size_m[0, 0] / 2 == pytest.approx(9.65)
 
 
 @pytest.mark.parametrize("returns", [7, 40])
