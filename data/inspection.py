@@ -192,6 +192,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     collected = _FindingList()
     points: list[int] = []
     has_reflectance = False
+    sampled = sample_indices(len(drive))
     samples: list[Float32] = []
     stamps_s: dict[int, float] = {}
     monitors = _SensorMonitors(drive)
@@ -203,7 +204,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
             monitors.update(frame, collected)
             points.append(len(frame.points_velo))
             has_reflectance |= bool(frame.points_velo[:, 3].any())
-            if index in sample_indices(len(drive)):
+            if index in sampled:
                 samples.append(frame.points_velo[:, :3])
             stamps_s[frame.number] = frame.stamp_s
             if frame.invalid_points:

@@ -36,7 +36,7 @@ METHODS: tuple[Method, ...] = ("default", "thesis")
 _PANELS = {"IoU [%]": "iou", "found static [%]": "missed_share", "false/100 scans": "false_a_scan"}
 _OF_EVERYTHING = ("false_clusters", "precision", "iou", "false_a_scan")
 _POOR_INS = (0.5, 0.5)
-_AT_REST_M_S = 0.01
+_AT_REST_M_S = 0.01  # up to which an object stands
 
 
 @dataclass(frozen=True)
